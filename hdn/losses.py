@@ -59,7 +59,7 @@ def polar_classification_loss(logits: Tensor, labels: Tensor) -> Tensor:
 
 
 def offset_loss(offsets: Tensor, points: Tensor, truth: Tensor, where: Tensor, stride: int) -> Tensor:
-    """L_reg: smooth l1 between offsets (B, 2, n, n), in cells, and (grid point - truth) where the mask (B, n, n) is set."""
+    """L_reg: smooth l1 of offsets (B, 2, n, n), in cells, to (grid point - truth) where the mask (B, n, n) is set."""
     if not where.any():
         return offsets.sum() * 0
     label = (points[None] - truth[:, None, None]) / stride  # (B, n, n, 2)

@@ -1,7 +1,6 @@
 """Rotation-scale equivariant warping: on a log-polar grid, rotation and scale about its centre become shifts."""
 
 import numpy as np
-import torch
 import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor

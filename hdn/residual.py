@@ -4,6 +4,8 @@ Paper: "Residual Component". Its crops show the target's own quad, rectified to 
 target's corners, whatever its shape, and nothing in view moves on its own.
 """
 
+import itertools
+
 import torch
 from torch import Tensor, nn
 
@@ -36,7 +38,7 @@ class ResidualNetwork(nn.Module):
         self.extractor = nn.Sequential(_conv(1, 8, 2), _conv(8, 8), _conv(8, 1))
         widths = (2, *config.residual_channels)
         self.trunk = nn.Sequential(
-            *(layer for a, b in zip(widths, widths[1:], strict=False) for layer in (_conv(a, b, 2), _conv(b, b)))
+            *(layer for a, b in itertools.pairwise(widths) for layer in (_conv(a, b, 2), _conv(b, b)))
         )
         cells = config.residual_size // 2 ** (1 + len(config.residual_channels))
         self.regressor = nn.Sequential(

@@ -78,7 +78,9 @@ def similarity_loss(config: Config, outputs: tuple[Tensor, ...], batch: Similari
     logits, offsets, polar_logits, polar_offsets = outputs
     motion, positive = batch.motion, batch.positive[:, None, None]
     points = losses.grid_points(logits.shape[-1], config.stride, logits.device)
-    label = losses.hamming_labels(points, motion.shift, motion.log_scale.exp(), motion.rotation, batch.target) * positive
+    label = (
+        losses.hamming_labels(points, motion.shift, motion.log_scale.exp(), motion.rotation, batch.target) * positive
+    )
     probability = logits.softmax(1)[:, 1]
     near = (points - motion.shift[:, None, None]).norm(dim=-1) < 2 * config.stride
     loss = losses.classification_loss(probability, label)
@@ -108,7 +110,7 @@ def decode(logits: Tensor, offsets: Tensor, stride: int) -> tuple[Tensor, Tensor
 
 
 def warp_grid(offsets: Tensor, size: int) -> Tensor:
-    """Where each pixel of the search crop looks into the template, (B, n, n, 2) in -1..1: W(T, H) of the paper (STN)."""
+    """Where each pixel of the search crop looks into the template, (B, n, n, 2) in -1..1: the paper's W(T, H)."""
     corners = torch.tensor([[-1.0, -1], [1, -1], [1, 1], [-1, 1]], device=offsets.device) * size / 2
     to_template = torch.linalg.inv(dlt(offsets, corners))
     return project(to_template, pixel_grid(size, offsets.device)).reshape(-1, size, size, 2) * (2 / size)

@@ -1,0 +1,28 @@
+# make demo   sets up .venv and renders the shipped demo to demo.mp4
+# make test   sets up .venv and runs the checks and the whole test suite
+#
+# On Linux, PyPI's torch brings CUDA; name another build to spare the gigabytes:
+#   make demo TORCH="torch==2.13.0 --index-url <PyTorch's index of CPU builds>"
+PYTHON ?= python3.11
+TORCH ?= torch==2.13.0
+BIN := .venv/bin
+
+demo: .venv/installed
+	$(BIN)/ar-replace assets/demo.mp4 assets/ad.mp4 --track "" -o demo.mp4 --overwrite
+
+test: .venv/installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest
+
+.venv/installed: pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet $(TORCH)
+	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	touch $@
+
+clean:
+	rm -rf .venv
+
+.PHONY: demo test clean

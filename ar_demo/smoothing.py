@@ -1,0 +1,122 @@
+"""Smoothing of a whole track, forward and backward, so that it neither jitters nor lags.
+
+A Kalman filter with constant velocity runs over the corners, and the Rauch-Tung-Striebel pass (1965) back over it. How
+much it smooths is not guessed: motion and noise are those under which the track itself is most likely.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hdn.homography import Array
+
+from .trackfile import Track
+
+RATIOS = np.logspace(-4, 4, 13)  # of the acceleration's variance (px/frame^2)^2 to the noise's (px^2)
+MODES = np.array([[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, -1, 1], [1, -1, 1, -1]]) / 2  # orthonormal, over the corners
+STEP = np.array([[1.0, 1.0], [0.0, 1.0]])
+NOISE_SHAPE = np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])  # of white acceleration over one frame
+
+
+def smooth(track: Track, strength: float = 1.0) -> Track:
+    """The track with its corners smoothed, never across a loss.
+
+    Held frames between two fixes are bridged by the motion around them; those at a segment's end keep its last pose.
+
+    Args:
+        strength: 0 leaves the track as it is; 1 smooths by the noise that it shows; more takes it for noisier.
+    """
+    if strength == 0:
+        return track
+    corners = track.corners.copy()
+    fixed = np.array([state == "tracked" for state in track.states]) & track.known
+    for start, stop in segments([state != "lost" for state in track.states]):
+        fixes = start + np.flatnonzero(fixed[start:stop])
+        if len(fixes) < 3:
+            continue
+        first, last = fixes[0], fixes[-1] + 1
+        # A fix that half the target backs is twice as uncertain as one that all of it backs.
+        variance = np.where(fixed[first:last], 1 / np.maximum(track.confidence[first:last], 0.1) ** 2, np.inf)
+        corners[first:last] = _smooth_segment(corners[first:last], variance, strength)
+        corners[start:first], corners[last:stop] = corners[first], corners[last - 1]
+    return replace(track, corners=corners)
+
+
+def segments(flags: list[bool]) -> list[tuple[int, int]]:
+    """Runs (start, stop) of true flags."""
+    edges = np.flatnonzero(np.diff([0, *map(int, flags), 0]))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _smooth_segment(corners: Array, variance: Array, strength: float) -> Array:
+    """Smooths (N, 4, 2) corners mode by mode: where they go together, how they spread, how they bend.
+
+    A camera's shake moves some modes and not others, noise moves all alike. So the noise is what the calmest mode
+    shows, and each mode is smoothed as far as that noise explains it.
+    """
+    modes = np.einsum("mc,ncx->nmx", MODES, corners)
+    trials = [_filter(modes, variance, ratio) for ratio in RATIOS]
+    noise = min(float(max(trials, key=lambda t: t.likelihood(m)).noise(m)) for m in range(4))
+    for m in range(4):
+        best = max(trials, key=lambda t: t.likelihood(m, noise))
+        modes[:, m] = _backward(_filter(modes[:, m : m + 1], variance, best.ratio / strength**2))[:, 0]
+    return np.einsum("mc,nmx->ncx", MODES, modes)
+
+
+@dataclass
+class _Filtered:
+    means: Array  # (N, 2, M, 2) position and velocity of each mode's x and y
+    covariances: Array  # (N, 2, 2), common to all modes
+    predicted: Array  # (N, 2, 2)
+    ratio: float
+    log_spread: float  # sum over the steps
+    squares: Array  # (M,) sum over the steps of the scaled surprises
+    count: int
+
+    def noise(self, mode: int) -> float:
+        """Variance of the measurement noise, px^2, that fits a mode best."""
+        return max(float(self.squares[mode]) / (2 * max(self.count, 1)), 1e-8)
+
+    def likelihood(self, mode: int, noise: float | None = None) -> float:
+        """Log-likelihood of a mode, of a given noise or the one that fits best."""
+        noise = noise or self.noise(mode)
+        return -self.log_spread - self.count * float(np.log(noise)) - float(self.squares[mode]) / (2 * noise)
+
+
+def _filter(values: Array, variance: Array, ratio: float) -> _Filtered:
+    """Kalman filter over (N, M, 2) modes; infinite variance (N,) marks a missing measurement."""
+    n = len(values)
+    means, covariances, predicted = np.empty((n, 2, *values.shape[1:])), np.empty((n, 2, 2)), np.empty((n, 2, 2))
+    mean = np.stack([values[0], np.zeros_like(values[0])])
+    covariance = np.diag([variance[0], 1e4])
+    log_spread, squares, count = 0.0, np.zeros(values.shape[1]), 0
+    for k in range(n):
+        if k:
+            mean = np.stack([mean[0] + mean[1], mean[1]])
+            covariance = STEP @ covariance @ STEP.T + ratio * NOISE_SHAPE
+        predicted[k] = covariance
+        if k and np.isfinite(variance[k]):
+            spread = covariance[0, 0] + variance[k]
+            gain = covariance[:, 0] / spread
+            surprise = values[k] - mean[0]
+            mean = mean + gain[:, None, None] * surprise
+            covariance = covariance - np.outer(gain, covariance[0])
+            if k > 1:  # the first step only sets the velocity
+                log_spread += float(np.log(spread))
+                squares += np.square(surprise).sum(1) / spread
+                count += 1
+        means[k], covariances[k] = mean, covariance
+    return _Filtered(means, covariances, predicted, ratio, log_spread, squares, count)
+
+
+def _backward(f: _Filtered) -> Array:
+    """Rauch-Tung-Striebel: positions (N, M, 2) given all measurements."""
+    smoothed = f.means[-1]
+    positions = np.empty_like(f.means[:, 0])
+    positions[-1] = smoothed[0]
+    for k in range(len(f.means) - 2, -1, -1):
+        gain = f.covariances[k] @ STEP.T @ np.linalg.inv(f.predicted[k + 1])
+        predicted = np.stack([f.means[k, 0] + f.means[k, 1], f.means[k, 1]])
+        smoothed = f.means[k] + np.einsum("ab,bmx->amx", gain, smoothed - predicted)
+        positions[k] = smoothed[0]
+    return positions

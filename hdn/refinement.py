@@ -1,0 +1,211 @@
+"""Photometric refinement: sub-pixel alignment of the rectified target to the template.
+
+Inverse-compositional Lucas-Kanade (Baker and Matthews, 2004) over the eight parameters of a homography, on locally
+normalised grey levels (free of gain and bias, so of uneven light too), with robust weights, so that an occluder or a
+glare does not pull. It is anchored to the template: errors do not add up over frames.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .homography import Array, from_corners, normalised, square, transform, translation
+from .sampling import Pyramid
+
+Grey = NDArray[np.float32]
+
+MARGIN = 12  # px around the rectified crop that alignment may look into
+CELLS = 8  # the target is judged on a grid of CELLS x CELLS
+AGREES = 0.5  # correlation from which a cell is taken to show the template
+# Expected moves of the eight parameters, px at the crop's edge: affine four, translation free, perspective.
+SPREAD = np.array([6.0, 6, 100, 6, 6, 100, 3, 3])
+CORRELATED = 100  # neighbouring pixels share their errors: this many count as one
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How well a rectified frame shows the template, cell by cell.
+
+    Attributes:
+        correlation: (8, 8) normalised cross-correlation of each cell with the template's.
+        visible: (8, 8) cells that lie in the frame and have texture to compare.
+        textured: (8, 8) cells that have texture, in the frame or not.
+    """
+
+    correlation: Grey
+    visible: NDArray[np.bool_]
+    textured: NDArray[np.bool_]
+
+    @property
+    def share(self) -> float:
+        """Share of the visible cells that agree with the template; 0 where next to nothing is visible."""
+        if self.visible.sum() < max(2, 0.1 * self.textured.sum()):
+            return 0.0
+        return float((self.correlation[self.visible] > AGREES).mean())
+
+
+class Refiner:
+    """Aligns frames to one template."""
+
+    def __init__(self, frame: Pyramid, quad: Array, longest: int = 160) -> None:
+        """Args:
+        frame: grey pyramid of the reference frame.
+        quad: (4, 2) the target's corners in it.
+        longest: px of the rectified template's longer side, at most; less where the target is smaller.
+        """
+        sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
+        width, height = (sides[0] + sides[2]) / 2, (sides[1] + sides[3]) / 2
+        scale = min(1.0, longest / max(width, height))
+        self.width, self.height = (max(24, round(float(s) * scale)) for s in (width, height))
+        outline = square(1.0) * [self.width, self.height] + [(self.width - 1) / 2, (self.height - 1) / 2]
+        self.crop_to_template = from_corners(outline, quad)
+        self.sigma = max(self.width, self.height) / 14
+        raw = self._crop(frame, np.eye(3), 0)
+        self.levels = [_Level(_normalise(cv2.GaussianBlur(raw, (0, 0), blur), self.sigma), blur) for blur in (2.0, 0.8)]
+        energy = _cell_means(_deviation(raw, self.sigma))
+        # Texture that is not mere noise: two grey levels of deviation, or a fair share of the target's own.
+        self.textured = energy > min(2.0, 0.5 * float(np.median(energy)))
+
+    def _crop(self, frame: Pyramid, homography: Array, margin: int) -> Grey:
+        crop_to_frame = homography @ self.crop_to_template @ translation(-margin, -margin)
+        crop = frame.crop(crop_to_frame, self.width + 2 * margin, self.height + 2 * margin)
+        return crop.astype(np.float32)
+
+    def align(self, frame: Pyramid, homography: Array) -> Array:
+        """The homography (3, 3), template to frame, nearest to the given one at which the frame fits the template."""
+        coarse, fine = self.levels
+        homography, search = self._step(coarse, frame, homography)
+        trust = np.ones((CELLS, CELLS), np.float32)
+        for _ in range(3):
+            homography, search = self._step(fine, frame, homography, trust)
+            # Cells that show something else than the template must not pull: once more without them.
+            before, trust = trust, np.clip(4 * _correlation(fine.template, search) - 2, 0, 1)
+            if trust.sum() < 0.15 * trust.size or np.abs(trust - before).max() < 0.3:
+                break
+        return homography
+
+    def _step(
+        self, level: "_Level", frame: Pyramid, homography: Array, trust: Grey | None = None
+    ) -> tuple[Array, Grey]:
+        """One alignment at one level; also the normalised crop, without margin, as it was before."""
+        search = _normalise(cv2.GaussianBlur(self._crop(frame, homography, MARGIN), (0, 0), level.blur), self.sigma)
+        moved = self.crop_to_template @ level.align(search, trust) @ np.linalg.inv(self.crop_to_template)
+        return normalised(homography @ moved), search[MARGIN:-MARGIN, MARGIN:-MARGIN]
+
+    def agreement(self, frame: Pyramid, homography: Array) -> Agreement:
+        """Compares the frame, rectified by a homography, with the template."""
+        fine = self.levels[-1]
+        search = _normalise(cv2.GaussianBlur(self._crop(frame, homography, 0), (0, 0), fine.blur), self.sigma)
+        seen = self._in_frame(frame, homography)
+        return Agreement(_correlation(fine.template, search), self.textured & seen, self.textured)
+
+    def _in_frame(self, frame: Pyramid, homography: Array) -> NDArray[np.bool_]:
+        step_x, step_y = self.width / CELLS, self.height / CELLS
+        y, x = np.mgrid[:CELLS, :CELLS] + 0.5
+        centres = np.stack([x * step_x - 0.5, y * step_y - 0.5], -1)
+        seen = transform(homography @ self.crop_to_template, centres)
+        w, h = frame.size
+        return np.asarray(((seen > -0.5) & (seen < [w - 0.5, h - 0.5])).all(-1))
+
+
+class _Level:
+    """One scale of the template with its steepest-descent images."""
+
+    def __init__(self, template: Grey, blur: float, most_points: int = 4000) -> None:
+        self.template, self.blur = template, blur
+        h, w = template.shape
+        gy, gx = (np.asarray(g, np.float32) for g in np.gradient(template))
+        # Only the pixels with the strongest gradients of each cell say anything; fewer make it faster.
+        strength = gx**2 + gy**2
+        chosen = strength >= _local_threshold(strength, min(1.0, most_points / (h * w)))
+        chosen[:2], chosen[-2:], chosen[:, :2], chosen[:, -2:] = False, False, False, False
+        y, x = np.nonzero(chosen)
+        self.points = np.stack([x, y], 1).astype(np.float64)
+        # Centred, scaled coordinates keep the normal equations well-conditioned.
+        self.scale = 2.0 / max(w, h)
+        self.centre = np.array([(w - 1) / 2, (h - 1) / 2])
+        u, v = ((self.points - self.centre) * self.scale).T
+        dx, dy = gx[y, x].astype(np.float64), gy[y, x].astype(np.float64)
+        radial = u * dx + v * dy
+        jacobian = np.stack([u * dx, v * dx, dx, u * dy, v * dy, dy, -u * radial, -v * radial], 1) / self.scale
+        self.jacobian = jacobian.astype(np.float32)
+        self.values = template[y, x]
+        self.cells = y * CELLS // h, x * CELLS // w
+
+    def align(self, search: Grey, trust: Grey | None = None, iterations: int = 12) -> Array:
+        """Warp (3, 3), template pixels to pixels of the search crop less its margin.
+
+        Args: trust: (8, 8) weights of the target's cells, 0..1.
+        """
+        trusted = 1 if trust is None else trust[self.cells]
+        to_unit = np.array(
+            [[self.scale, 0, -self.scale * self.centre[0]], [0, self.scale, -self.scale * self.centre[1]], [0, 0, 1.0]]
+        )
+        from_unit = np.linalg.inv(to_unit)
+        warp = np.eye(3)
+        for _ in range(iterations):
+            at = (transform(warp, self.points) + MARGIN).astype(np.float32)
+            seen = cv2.remap(search, at[:, None, 0], at[:, None, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            error = seen[:, 0] - self.values
+            noise = max(1.4826 * float(np.median(np.abs(error))), 0.05)
+            weight = _tukey(error / noise) * trusted
+            weighted = self.jacobian * weight[:, None]
+            hessian = (weighted.T @ self.jacobian).astype(np.float64)
+            # What the visible part cannot tell stays near the start: a prior on how far each parameter moves.
+            unit = to_unit @ warp @ from_unit
+            parameters = (normalised(unit) - np.eye(3)).ravel()[:8]
+            prior = CORRELATED * noise**2 / np.square(SPREAD * self.scale)
+            right = (weighted.T @ error).astype(np.float64) + prior * parameters
+            step = np.linalg.solve(hessian + np.diag(prior + 1e-6), right)
+            increment = np.array(
+                [[1 + step[0], step[1], step[2]], [step[3], 1 + step[4], step[5]], [step[6], step[7], 1.0]]
+            )
+            warp = normalised(warp @ from_unit @ np.linalg.inv(increment) @ to_unit)
+            if np.abs(step[[2, 5]]).max() / self.scale < 0.01 and np.abs(step).max() / self.scale < 0.02:
+                break
+        return warp
+
+
+def _tukey(error: Grey) -> Grey:
+    """Tukey's biweight of residuals in units of their deviation."""
+    return np.square(np.maximum(1 - np.square(error / 4.685), 0))
+
+
+def _normalise(image: Grey, sigma: float) -> Grey:
+    """Local mean taken off and local deviation divided out, over a Gaussian neighbourhood."""
+    centred = image - cv2.GaussianBlur(image, (0, 0), sigma)
+    return np.asarray(centred / (np.sqrt(cv2.GaussianBlur(centred * centred, (0, 0), sigma)) + 2.0), np.float32)
+
+
+def _deviation(image: Grey, sigma: float) -> Grey:
+    centred = image - cv2.GaussianBlur(image, (0, 0), sigma)
+    return np.abs(centred)
+
+
+def _correlation(a: Grey, b: Grey) -> Grey:
+    """Normalised cross-correlation (8, 8) of two images, cell by cell."""
+    product = _cell_means(a * b) - _cell_means(a) * _cell_means(b)
+    return np.asarray(product / np.sqrt(np.maximum(_cell_variance(a) * _cell_variance(b), 1e-9)), np.float32)
+
+
+def _cell_means(image: Grey) -> Grey:
+    return np.asarray(cv2.resize(image, (CELLS, CELLS), interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _cell_variance(image: Grey) -> Grey:
+    return _cell_means(image * image) - np.square(_cell_means(image))
+
+
+def _local_threshold(strength: Grey, share: float) -> Grey:
+    """Per pixel, the strength that the strongest `share` of its cell's pixels exceed."""
+    h, w = strength.shape
+    threshold = np.empty_like(strength)
+    rows, columns = (np.linspace(0, n, 5).astype(int) for n in (h, w))
+    for top, bottom in itertools.pairwise(rows):
+        for left, right in itertools.pairwise(columns):
+            block = strength[top:bottom, left:right]
+            threshold[top:bottom, left:right] = np.quantile(block, 1 - share)
+    return threshold

@@ -1,0 +1,248 @@
+"""Tracking of one planar target: HDN, then photometric refinement, then a judgement of what was found."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from . import weights
+from .engine import Engine
+from .errors import InputError
+from .homography import Array, area, from_corners, is_convex, normalised, similarity, square, transform, translation
+from .polar import polar_points
+from .redetection import Redetector
+from .refinement import Refiner
+from .sampling import Image, Pyramid
+
+State = Literal["tracked", "held", "lost"]
+
+MIN_SIDE = 16  # px: a smaller target shows too little to track
+HOLD_FRAMES = 12  # frames without a fix after which a held target counts as lost
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the stages say about one frame; the negative-sample behaviour among it.
+
+    Attributes:
+        score, polar_score: classification scores of the two similarity branches, 0..1.
+        residual: mean length of the residual's corner offsets, px of its crop; negatives pull it to zero.
+        distance_ratio: feature distance after the residual warp by that before; near 1 where it does not fall.
+        agreement: share of the target's visible cells that agree with the template after refinement, 0..1.
+    """
+
+    score: float = 0.0
+    polar_score: float = 0.0
+    residual: float = 0.0
+    distance_ratio: float = 1.0
+    agreement: float = 0.0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The tracker's answer for one frame.
+
+    Attributes:
+        homography: (3, 3) reference-frame pixels to this frame's pixels; while held or lost, the last one found.
+        corners: (4, 2) the target's corners in this frame, px.
+        state: 'tracked', 'held' (no fix for some frames: the pose is the last one) or 'lost'.
+        confidence: 0..1, the share of the target's visible area that agrees with the template.
+        evidence: what the judgement rests on.
+    """
+
+    homography: Array
+    corners: Array
+    state: State
+    confidence: float
+    evidence: Evidence
+
+
+class Tracker:
+    """Follows a planar target from frame to frame.
+
+    Example:
+        tracker = Tracker()
+        tracker.init(first_frame, quad)
+        for frame in frames:
+            estimate = tracker.track(frame)
+    """
+
+    def __init__(
+        self, weights_path: Path | str | None = None, device: str = "auto", engine: Engine | None = None
+    ) -> None:
+        """Args:
+            weights_path: safetensors file; None takes the shipped weights.
+            device: 'auto', 'cpu' or 'cuda'.
+            engine: networks already loaded, to be shared between trackers.
+
+        Raises:
+            InputError: weights missing or of another architecture, no such device.
+        """
+        self.engine = engine or Engine(weights.load(Path(weights_path or weights.shipped())), device)
+        self.config = self.engine.config
+        self._points = polar_points(self.config)
+
+    def init(self, frame: Image, quad: Array) -> None:
+        """Takes the target: its quad (4, 2), px, in an RGB frame (H, W, 3).
+
+        Raises:
+            InputError: the quad is not convex, too small, or not wholly inside the frame.
+        """
+        self.quad = np.asarray(quad, np.float64)
+        check_quad(self.quad, frame.shape[1], frame.shape[0])
+        colour, grey = Pyramid(frame), Pyramid(_grey(frame))
+        c = self.config
+
+        low, high = self.quad.min(0), self.quad.max(0)
+        width, height = high - low
+        margin = c.context * (width + height)
+        window = float(np.sqrt((width + margin) * (height + margin)))
+        self.centre = self.quad.mean(0)
+        self.unit = window / c.template_size  # template px per crop px
+        self.fill = tuple(float(v) for v in frame.reshape(-1, 3)[::97].mean(0))
+
+        template = colour.crop(self._window(c.template_size), c.template_size, c.template_size, self.fill)
+        self.kernels = self.engine.encode_template(template, self._polar_crop(template, np.zeros(2)))
+        self.outline = from_corners(square(c.residual_size), self.quad)  # residual crop to template
+        self.residual_template = colour.crop(self.outline, c.residual_size, c.residual_size)
+        self.refiner = Refiner(grey, self.quad)
+        self.redetector = Redetector(grey, self.quad)
+
+        self.homography = np.eye(3)
+        self.previous = np.eye(3)
+        self.missed = 0
+
+    def track(self, frame: Image) -> Estimate:
+        """Finds the target in the next RGB frame (H, W, 3)."""
+        colour, grey = Pyramid(frame), Pyramid(_grey(frame))
+        homography, evidence = self._locate(colour, grey)
+        found = is_fix(evidence)
+        if not found and self.missed >= 2:
+            again = self.redetector.find(grey)
+            if again is not None and self._plausible(again):
+                candidate, agreement = self._refine(grey, again)
+                if agreement > FIX_WITHOUT_HDN and self._plausible(candidate):
+                    homography, found = candidate, True
+                    evidence = Evidence(evidence.score, evidence.polar_score, 0.0, 1.0, agreement)
+        if found:
+            self.previous = self.homography if self.missed == 0 else homography
+            self.homography, self.missed = homography, 0
+        else:
+            self.previous = self.homography
+            self.missed += 1
+        state: State = "tracked" if found else "held" if self.missed <= HOLD_FRAMES else "lost"
+        confidence = evidence.agreement if found else 0.5 * evidence.agreement
+        return Estimate(self.homography, transform(self.homography, self.quad), state, confidence, evidence)
+
+    def _locate(self, colour: Pyramid, grey: Pyramid) -> tuple[Array, Evidence]:
+        """HDN's three stages from the last pose, refined; where that does not convince, refinement alone."""
+        homography, evidence = self._hdn(colour)
+        best, agreement = self._refine(grey, homography)
+        if agreement < SURE:
+            # Small motions need no network: try where the target was, and where its motion would carry it.
+            for start in (self.homography, self._predicted()):
+                other, other_agreement = self._refine(grey, start)
+                if other_agreement > agreement + 0.02:
+                    best, agreement = other, other_agreement
+        if not self._plausible(best):
+            agreement = 0.0
+        return best, Evidence(
+            evidence.score, evidence.polar_score, evidence.residual, evidence.distance_ratio, agreement
+        )
+
+    def _hdn(self, colour: Pyramid) -> tuple[Array, Evidence]:
+        """H_previous . H_similarity . H_residual (paper, eq. 1 and 2)."""
+        c = self.config
+        n = c.search_size
+        search = colour.crop(self.homography @ self._window(n), n, n, self.fill)
+        shift = self.engine.translation(self.kernels[0], search)
+        at = np.array([shift.x, shift.y])
+        if shift.score < TRUSTED_SCORE:
+            at = np.zeros(2)
+        polar = self.engine.polar(self.kernels[1], self._polar_crop(search, at))
+        trusted = min(shift.score, polar.score) >= TRUSTED_SCORE
+        scale = float(np.exp(polar.x * c.log_scale_per_pixel)) if trusted else 1.0
+        rotation = polar.y * c.radians_per_pixel if trusted else 0.0
+        to_centre = translation(*self.centre)
+        moved = similarity(scale, rotation, *(at * self.unit))
+        homography = self.homography @ to_centre @ moved @ np.linalg.inv(to_centre)
+
+        crop = colour.crop(homography @ self.outline, c.residual_size, c.residual_size)
+        residual = self.engine.residual(self.residual_template, crop)
+        ratio = residual.distance_after / max(residual.distance_before, 1e-6)
+        if ratio < 1:
+            corners = square(c.residual_size)
+            step = from_corners(corners, corners + residual.offsets)
+            homography = homography @ self.outline @ step @ np.linalg.inv(self.outline)
+        length = float(np.linalg.norm(residual.offsets, axis=1).mean())
+        return normalised(homography), Evidence(shift.score, polar.score, length, ratio)
+
+    def _refine(self, grey: Pyramid, start: Array) -> tuple[Array, float]:
+        homography = self.refiner.align(grey, start)
+        if not np.isfinite(homography).all():
+            return start, 0.0
+        return homography, self.refiner.agreement(grey, homography).share
+
+    def _predicted(self) -> Array:
+        """The pose that the last frame's motion leads to."""
+        return normalised(self.homography @ np.linalg.inv(self.previous) @ self.homography)
+
+    def _plausible(self, homography: Array) -> bool:
+        """Whether the pose is one that a camera can see: convex, not mirrored, neither vast nor tiny."""
+        corners = transform(homography, self.quad)
+        w = self.quad @ homography[2, :2] + homography[2, 2]
+        ratio = area(corners) / area(self.quad)
+        return bool((w > 0).all()) and is_convex(corners) and 0.01 < ratio < 50
+
+    def _window(self, size: int) -> Array:
+        """Crop pixels to template pixels for a crop of this size about the target's centre."""
+        middle = (size - 1) / 2
+        return np.array(
+            [
+                [self.unit, 0, self.centre[0] - middle * self.unit],
+                [0, self.unit, self.centre[1] - middle * self.unit],
+                [0, 0, 1.0],
+            ]
+        )
+
+    def _polar_crop(self, crop: Image, at: Array) -> Image:
+        """Log-polar crop about a point given in px from the crop's centre."""
+        points = self._points + np.float32((crop.shape[0] - 1) / 2) + at.astype(np.float32)
+        return np.asarray(cv2.remap(crop, points, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+
+
+TRUSTED_SCORE = 0.3  # of a similarity branch, below which its motion is not followed
+SURE = 0.85  # agreement beyond which no other start is tried
+FIX = 0.4  # agreement that makes a fix where HDN's evidence is positive
+FIX_WITHOUT_HDN = 0.55  # and where it is that of a negative pair
+
+
+def is_fix(evidence: Evidence) -> bool:
+    """Whether the evidence says that the target was found.
+
+    A negative pair shows as a low score and offsets pulled to zero with a feature distance that does not fall; then the
+    photometric agreement has to be the stronger.
+    """
+    negative = evidence.score < TRUSTED_SCORE and evidence.distance_ratio > 0.95
+    return evidence.agreement >= (FIX_WITHOUT_HDN if negative else FIX)
+
+
+def check_quad(quad: Array, width: int, height: int) -> None:
+    """Raises InputError unless the quad (4, 2) is convex, inside a width x height frame and at least 16 px wide."""
+    if quad.shape != (4, 2) or not np.isfinite(quad).all():
+        raise InputError(f"the quad has {len(quad)} points: give four corners x,y, top-left first, clockwise")
+    if ((quad < -0.5) | (quad > [width - 0.5, height - 0.5])).any():
+        raise InputError(f"the quad lies outside the {width}x{height} frame: give corners inside it")
+    sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
+    if not is_convex(quad):
+        raise InputError(
+            "the quad crosses itself, bends inward or is flat: give the corners in order around the surface"
+        )
+    if sides.min() < MIN_SIDE or abs(area(quad)) < MIN_SIDE**2:
+        raise InputError(f"the quad is under {MIN_SIDE} px wide or high: choose a frame where the surface is larger")
+
+
+def _grey(frame: Image) -> Image:
+    return np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)

@@ -1,0 +1,60 @@
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ar_demo.options import Moment, Options, parse_quad
+from hdn.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("text", "frame", "time"),
+    [
+        ("120", 120, None),
+        ("0", 0, None),
+        ("4.5s", None, Fraction(9, 2)),
+        ("2s", None, Fraction(2)),
+        ("0:04.5", None, Fraction(9, 2)),
+        ("1:02:03", None, Fraction(3723)),
+    ],
+)
+def test_moments(text: str, frame: int | None, time: Fraction | None) -> None:
+    assert Moment.parse(text) == Moment(frame, time)
+
+
+@pytest.mark.parametrize("text", ["-1", "soon", "1:2:3:4", "", "1e3"])
+def test_refuses_other_moments(text: str) -> None:
+    with pytest.raises(InputError, match="neither"):
+        Moment.parse(text)
+
+
+@pytest.mark.parametrize(
+    "given", ["1,2 30,2 30,40 1,40", ["1,2", "30,2", "30,40", "1,40"], [[1, 2], [30, 2], [30, 40], [1, 40]]]
+)
+def test_quads(given: Any) -> None:
+    np.testing.assert_array_equal(parse_quad(given), [[1, 2], [30, 2], [30, 40], [1, 40]])
+
+
+@pytest.mark.parametrize(
+    "given", ["", "1,2 3,4 5,6", "1 2 3 4", "a,b c,d e,f g,h", ["1,2", "3,4", "5,nan", "6,7"], ["1,2,3"] * 4]
+)
+def test_refuses_other_quads(given: Any) -> None:
+    with pytest.raises(InputError, match="four corners"):
+        parse_quad(given)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"fit": "squeeze"},
+        {"opacity": 1.5},
+        {"feather": -1},
+        {"smooth": float("nan")},
+        {"crf": 99},
+        {"backend": "metal"},
+    ],
+)
+def test_refuses_values_out_of_range(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        Options(**wrong)

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from hdn.homography import from_corners, transform
+from hdn.refinement import Refiner
+from hdn.sampling import Pyramid
+
+from .scenes import Scene, error, moved
+
+
+def grey(image: np.ndarray) -> Pyramid:
+    return Pyramid(image.mean(2).astype(np.uint8))
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene()
+
+
+@pytest.mark.parametrize("light", [(1.0, 0), (0.6, 40), (1.4, -30)], ids=["same light", "dim and hazy", "bright"])
+def test_aligns_to_a_fraction_of_a_pixel(scene: Scene, light: tuple[float, float]) -> None:
+    truth = moved(scene.quad, (3.3, -2.1), 1.04, 0.03, 0.0002)
+    frame = np.clip(scene.draw(truth).astype(np.float32) * light[0] + light[1], 0, 255).astype(np.uint8)
+    refiner = Refiner(grey(scene.draw(scene.quad)), scene.quad)
+    found = refiner.align(grey(frame), np.eye(3))
+    assert error(transform(found, scene.quad), truth) < 0.25
+    assert refiner.agreement(grey(frame), found).share > 0.9
+
+
+def test_an_occluder_does_not_pull(scene: Scene) -> None:
+    truth = moved(scene.quad, (2, 1))
+    frame = scene.draw(truth)
+    frame[60:175, 95:140] = 20
+    refiner = Refiner(grey(scene.draw(scene.quad)), scene.quad)
+    found = refiner.align(grey(frame), np.eye(3))
+    assert error(transform(found, scene.quad), truth) < 0.6
+    agreement = refiner.agreement(grey(frame), found)
+    assert 0.4 < agreement.share < 0.85
+    assert agreement.correlation[:, :2].max() < 0.5 < np.median(agreement.correlation[:, 4:])
+
+
+def test_another_picture_does_not_agree(scene: Scene) -> None:
+    refiner = Refiner(grey(scene.draw(scene.quad)), scene.quad)
+    other = grey(Scene(seed=5).draw(scene.quad))
+    assert refiner.agreement(other, refiner.align(other, np.eye(3))).share < 0.3
+
+
+def test_cells_outside_the_frame_do_not_count(scene: Scene) -> None:
+    refiner = Refiner(grey(scene.draw(scene.quad)), scene.quad)
+    truth = moved(scene.quad, (-150, 0))
+    agreement = refiner.agreement(grey(scene.draw(truth)), from_corners(scene.quad, truth))
+    assert 0 < agreement.visible.sum() < 0.9 * agreement.textured.sum()
+    assert agreement.share > 0.8

@@ -1,0 +1,78 @@
+"""What the training samples promise is what they show."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from hdn import synthesis
+from hdn.homography import dlt, square
+from hdn.synthesis import Photos, pixel_grid, project, residual_batch, similarity_batch
+
+from .scenes import texture
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory: pytest.TempPathFactory) -> Photos:
+    folder = tmp_path_factory.mktemp("photos")
+    for seed in range(4):
+        cv2.imwrite(str(folder / f"{seed}.png"), texture(seed, 300, 220))
+    return Photos(sorted(folder.iterdir()))
+
+
+@pytest.fixture(autouse=True)
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without light, blur and noise, pairs can be compared pixel by pixel."""
+    torch.manual_seed(0)
+    for name in ("relight", "blur", "coarsen", "cut_by_border", "occlude"):
+        monkeypatch.setattr(synthesis, name, lambda *args: next(a for a in args if isinstance(a, torch.Tensor)))
+
+
+def difference(template: torch.Tensor, search: torch.Tensor, matrix: torch.Tensor, box: torch.Tensor) -> torch.Tensor:
+    """Mean grey difference (B,) inside boxes (B, 2) of half sizes, the template warped onto the search and back."""
+    n, m = template.shape[-1], search.shape[-1]
+    grid = pixel_grid(n, template.device)
+    seen = project(matrix, grid).reshape(-1, n, n, 2) * (2 / m)
+    back = torch.nn.functional.grid_sample(search, seen, align_corners=False)
+    inside = (grid.abs() < 0.6 * box[:, None]).all(-1).reshape(-1, 1, n, n)
+    return ((back - template).abs() * inside).sum((1, 2, 3)) / (3 * inside.sum((1, 2, 3)))
+
+
+def test_search_shows_the_target_moved_by_the_homography(photos: Photos) -> None:
+    batch = similarity_batch(photos, 16, 127, 255, 0.5, negatives=0.3)
+    off = difference(batch.template, batch.search, batch.motion.matrix, batch.target)
+    assert off[batch.positive].max() < 12
+    assert off[~batch.positive].mean() > 25
+
+
+def test_the_homography_is_the_similarity_at_the_target_s_centre(photos: Photos) -> None:
+    motion = similarity_batch(photos, 16, 127, 255, 0.5).motion
+    centre = project(motion.matrix, torch.zeros(1, 2))[:, 0]
+    torch.testing.assert_close(centre, motion.shift, atol=1e-4, rtol=0)
+
+
+def test_residual_offsets_are_where_the_corners_went(photos: Photos) -> None:
+    batch = residual_batch(photos, 16, 128, negatives=0.3)
+    corners = torch.from_numpy(square(128)).float() - 63.5
+    matrix = dlt(batch.offsets, corners)
+    off = difference(batch.template, batch.search, matrix, torch.full((16, 2), 60.0))
+    assert off[batch.positive].max() < 12
+    assert off[~batch.positive].mean() > 25
+    assert batch.offsets[batch.positive].abs().max() <= 12
+    assert (batch.offsets[~batch.positive] == 0).all()
+
+
+def test_unreadable_images_are_named(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"not a picture")
+    with pytest.raises(ValueError, match=r"a\.png"):
+        Photos([tmp_path / "a.png"])
+
+
+def test_masks_are_soft_over_a_pixel() -> None:
+    quad = torch.tensor([[[-2.0, -2], [2, -2], [2, 2], [-2, 2]]])
+    mask = synthesis.inside(quad, pixel_grid(8, quad.device)[None], 8)[0, 0]
+    assert mask[4, 4] == 1
+    assert mask[0, 0] == 0
+    np.testing.assert_allclose(float(mask.sum()), 16, atol=1.5)

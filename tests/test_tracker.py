@@ -1,0 +1,108 @@
+import numpy as np
+import pytest
+
+from hdn import InputError, Tracker
+from hdn.engine import Engine
+from hdn.tracker import HOLD_FRAMES, Evidence, is_fix
+
+from .scenes import Scene, error, moved, path
+
+
+@pytest.fixture
+def scene() -> Scene:
+    return Scene()
+
+
+@pytest.fixture
+def tracker(scene: Scene, engine: Engine) -> Tracker:
+    tracker = Tracker(engine=engine)
+    tracker.init(scene.draw(scene.quad), scene.quad)
+    return tracker
+
+
+def test_follows_smooth_motion(tracker: Tracker, scene: Scene) -> None:
+    errors = []
+    for truth in path(scene.quad, 40)[1:]:
+        estimate = tracker.track(scene.draw(truth))
+        assert estimate.state == "tracked"
+        errors.append(error(estimate.corners, truth))
+    assert np.median(errors) < 0.25
+    assert max(errors) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("shift", "scale", "rotation"),
+    [
+        ((45, 0), 1, 0),
+        ((-20, 40), 1, 0),
+        ((0, 0), 1.3, 0),
+        ((0, 0), 1 / 1.3, 0),
+        ((0, 0), 1, 0.5),
+        ((25, -15), 1.15, -0.3),
+    ],
+)
+def test_large_jumps_need_the_networks(
+    tracker: Tracker, scene: Scene, shift: tuple[float, float], scale: float, rotation: float
+) -> None:
+    truth = moved(scene.quad, shift, scale, rotation)
+    estimate = tracker.track(scene.draw(truth))
+    assert estimate.state == "tracked"
+    assert error(estimate.corners, truth) < 1.0
+
+
+def test_stays_put_then_loses_what_is_gone_and_finds_it_again(tracker: Tracker, scene: Scene) -> None:
+    here = moved(scene.quad, (4, 2))
+    tracker.track(scene.draw(here))
+    states = []
+    for _ in range(HOLD_FRAMES + 3):
+        estimate = tracker.track(scene.draw(None))
+        states.append(estimate.state)
+        assert error(estimate.corners, here) < 1.0
+    assert states == ["held"] * HOLD_FRAMES + ["lost"] * 3
+    there = moved(scene.quad, (-60, 30), 0.9, 0.4)
+    found = [tracker.track(scene.draw(there)) for _ in range(3)][-1]
+    assert found.state == "tracked"
+    assert error(found.corners, there) < 1.0
+
+
+def test_another_poster_in_its_place_is_not_it(tracker: Tracker, scene: Scene) -> None:
+    other = Scene(seed=7)
+    other.wall = scene.wall
+    states = [tracker.track(other.draw(scene.quad)).state for _ in range(4)]
+    assert "tracked" not in states
+
+
+def test_partly_covered_is_still_tracked_with_less_confidence(tracker: Tracker, scene: Scene) -> None:
+    frame = scene.draw(scene.quad)
+    frame[:, 100:135] = (30, 60, 90)
+    estimate = tracker.track(frame)
+    assert estimate.state == "tracked"
+    assert estimate.confidence < 0.9
+    assert error(estimate.corners, scene.quad) < 3
+
+
+def test_negative_evidence_asks_for_stronger_agreement() -> None:
+    positive = Evidence(score=0.9, polar_score=0.9, residual=3, distance_ratio=0.6, agreement=0.45)
+    negative = Evidence(score=0.1, polar_score=0.1, residual=0.1, distance_ratio=1.0, agreement=0.45)
+    assert is_fix(positive)
+    assert not is_fix(negative)
+
+
+@pytest.mark.parametrize(
+    ("quad", "message"),
+    [
+        ([[10, 10], [50, 10], [50, 40]], "3 points"),
+        ([[10, 10], [60, 60], [60, 10], [10, 60]], "crosses itself"),
+        ([[10, 10], [60, 10], [110, 10], [160, 10]], "flat"),
+        ([[-30, 10], [60, 10], [60, 60], [-30, 60]], "outside"),
+        ([[10, 10], [22, 10], [22, 22], [10, 22]], "under 16 px"),
+    ],
+)
+def test_refuses_impossible_quads(engine: Engine, scene: Scene, quad: list[list[float]], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Tracker(engine=engine).init(scene.draw(None), np.array(quad, float))
+
+
+def test_unknown_device() -> None:
+    with pytest.raises(InputError, match="tpu"):
+        Tracker(device="tpu")

@@ -1,0 +1,40 @@
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from hdn import weights
+from hdn.errors import InputError
+
+
+def test_round_trip_is_half_precision(network: weights.Hdn, tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    weights.save(network, path, {"made": "by a test"})
+    again = weights.load(path).state_dict()
+    for name, value in network.state_dict().items():
+        torch.testing.assert_close(again[name], value, atol=0, rtol=1e-3)
+
+
+def test_shipped_weights_are_small() -> None:
+    assert weights.shipped().stat().st_size < 15e6
+
+
+def test_missing(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="missing"):
+        weights.load(tmp_path / "none.safetensors")
+
+
+def test_not_weights(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    path.write_bytes(b"nothing of the kind")
+    with pytest.raises(InputError, match="not a safetensors file"):
+        weights.load(path)
+
+
+@pytest.mark.parametrize(("config", "message"), [("huge", "configuration 'huge'"), ("compact", "does not fit")])
+def test_another_architecture(tmp_path: Path, config: str, message: str) -> None:
+    path = tmp_path / "w.safetensors"
+    save_file({"a": torch.zeros(2)}, path, {"config": config})
+    with pytest.raises(InputError, match=message):
+        weights.load(path)
