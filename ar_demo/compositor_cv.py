@@ -14,7 +14,7 @@ from ar_demo.placement import WHOLE, Floats, Image, Placement, Pyramid, Region, 
 
 TILE = (256, 128)  # width, height: fits the cache, and spans few pyramid levels
 CELL = 8  # the pyramid level is worked out every so many pixels and interpolated; divides the tile
-ONE = np.ones((1, 1), np.float32)
+FULL = np.ones((1, 1), np.float32)  # the coverage of a tile that the ad fills
 MAX_AD_SIDE = 16384  # cv2.warpPerspective takes sources below 32768
 
 
@@ -51,7 +51,7 @@ class CvCompositor:
                     continue
                 picture = _sample(self._pyramid, placement.sampling, level_map.over(tile), tile)
                 part = frame[tile[1] : tile[3], tile[0] : tile[2]]
-                if self._pyramid.opaque and opacity >= 1 and coverage.size == 1:
+                if self._pyramid.opaque and opacity >= 1 and coverage is FULL:
                     cv2.cvtColor(picture, cv2.COLOR_RGBA2RGB, dst=part)
                 else:
                     _blend(part, picture, coverage * min(opacity, 1.0))
@@ -74,7 +74,7 @@ Plane = NDArray[np.float32]
 
 
 def _coverage(placement: Placement, tile: Tile) -> Plane | None:
-    """How much of each pixel the ad covers, (h, w); (1, 1) if it is 1 all over the tile, None if it is 0."""
+    """How much of each pixel the ad covers, (h, w); FULL if it is 1 all over the tile, None if it is 0."""
     x0, y0, x1, y1 = tile
     corners = np.array([[x0, y0, 1], [x1 - 1, y0, 1], [x0, y1 - 1, 1], [x1 - 1, y1 - 1, 1]])
     ramps = placement.edges / placement.ramp
@@ -83,13 +83,13 @@ def _coverage(placement: Placement, tile: Tile) -> Plane | None:
     if (extremes <= 0).all(axis=0).any():
         return None
     if (extremes >= 1).all():
-        return ONE
+        return FULL
     x, y = np.arange(x0, x1), np.arange(y0, y1)
     top, right, bottom, left = (
-        np.clip(np.add.outer((b * y + c).astype(np.float32), (a * x).astype(np.float32)), 0, 1) if near else ONE
+        np.clip(np.add.outer((b * y + c).astype(np.float32), (a * x).astype(np.float32)), 0, 1) if near else FULL
         for (a, b, c), near in zip(ramps, extremes.min(axis=0) < 1, strict=True)
     )
-    coverage = np.maximum(top + bottom - ONE, 0) * np.maximum(left + right - ONE, 0)
+    coverage = np.maximum(top + bottom - FULL, 0) * np.maximum(left + right - FULL, 0)
     return np.asarray(np.broadcast_to(coverage, (y1 - y0, x1 - x0)), np.float32)
 
 

@@ -74,11 +74,7 @@ def open_egl() -> tuple[moderngl.Context, str]:
     Raises:
         RunError: there is none on this machine.
     """
-    try:
-        return _create_context(standalone=True, backend="egl"), "EGL"
-    except Exception as error:  # whatever glcontext and the driver raise: they share no type
-        reason = " ".join(str(error).split())
-        raise RunError(f"EGL gives no OpenGL 3.3 ({reason}): install libegl1 and libgl1-mesa-dri") from error
+    return _open("EGL", "libegl1 and libgl1-mesa-dri", standalone=True, backend="egl")
 
 
 def open_osmesa() -> tuple[moderngl.Context, str]:
@@ -87,21 +83,33 @@ def open_osmesa() -> tuple[moderngl.Context, str]:
     Raises:
         RunError: there is none on this machine.
     """
-    return _create_context(context=OSMesaContext()), "OSMesa"
+    return _open("OSMesa", "libosmesa6", context=OSMesaContext())
 
 
-def _create_context(**settings: Any) -> moderngl.Context:
-    """moderngl.create_context for 3.3, whose type stub knows no settings of the context libraries."""
-    return moderngl.create_context(require=330, **settings)
+def _open(kind: str, packages: str, **settings: Any) -> tuple[moderngl.Context, str]:
+    try:
+        return moderngl.create_context(require=330, **settings), kind
+    except Exception as error:  # whatever moderngl, its context library and the driver raise: they share no type
+        reason = " ".join(str(error).split())
+        raise RunError(f"{kind} gives no OpenGL 3.3 ({reason}): install {packages}") from error
 
 
 class GlCompositor:
-    """See `Compositor`. Takes over the context and releases it when closed."""
+    """See `Compositor`. Takes over the context and releases it when closed.
+
+    Raises:
+        RunError: the driver cannot compile the shader, or, while compositing, reports an error.
+    """
 
     def __init__(self, context: moderngl.Context, kind: str) -> None:
         self.context = context
         self.description = f"moderngl {kind}, {context.info['GL_RENDERER']}"
-        self._program = context.program(vertex_shader=VERTEX_SHADER, fragment_shader=FRAGMENT_SHADER)
+        try:
+            self._program = context.program(vertex_shader=VERTEX_SHADER, fragment_shader=FRAGMENT_SHADER)
+        except moderngl.Error as error:
+            context.release()
+            reason = " ".join(str(error).split())
+            raise RunError(f"{self.description} cannot compile the shader ({reason}): update the driver") from error
         self._triangle = context.vertex_array(self._program, [])
         self._max_side: int = context.info["GL_MAX_TEXTURE_SIZE"]
         self._pyramid: Pyramid | None = None
@@ -128,10 +136,13 @@ class GlCompositor:
         placement = place((frame.shape[1], frame.shape[0]), self._pyramid.size, quad, region, feather)
         if placement is None or not opacity > 0:
             return
-        with self.context:
-            self._upload_ad(self._pyramid, placement.levels)
-            self._set_uniforms(placement, min(opacity, 1.0))
-            self._draw(frame, placement.box)
+        try:
+            with self.context:
+                self._upload_ad(self._pyramid, placement.levels)
+                self._set_uniforms(placement, min(opacity, 1.0))
+                self._draw(frame, placement.box)
+        except moderngl.Error as error:
+            raise RunError(f"{self.description} failed ({error}): use another compositor backend") from error
 
     def close(self) -> None:
         """Release the context and all that lives in it; calling again does nothing."""
@@ -210,6 +221,8 @@ class GlCompositor:
         self.context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
         self._triangle.render(moderngl.TRIANGLES, vertices=3)
         target.read_into(pixels, viewport=(width, height), components=4)
+        if (error := self.context.error) != "GL_NO_ERROR":
+            raise moderngl.Error(error)
         cv2.cvtColor(pixels, cv2.COLOR_RGBA2RGB, dst=part)
 
     def _target_for(self, width: int, height: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:

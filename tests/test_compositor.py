@@ -134,6 +134,15 @@ def test_edge_pixels_are_covered_by_area(
         assert frame[60, x] == pytest.approx(200 * coverage, abs=1.5)
 
 
+def test_a_last_pixel_on_its_own_is_covered_in_part_too(compositor: Compositor) -> None:
+    """The quad's box is 257 x 129: a tile of the OpenCV backend, and one pixel more."""
+    frame = np.zeros((160, 300, 3), np.uint8)
+    compositor.composite(frame, np.full((8, 8, 3), 200, np.uint8), upright(9.5, 9.5, 265.75, 137.75))
+    assert frame[138, 266] == pytest.approx(200 / 16, abs=1.5)
+    assert frame[138, 200] == pytest.approx(200 / 4, abs=1.5)
+    assert (frame[10:138, 10:266] == 200).all()
+
+
 def test_feather_fades_inward(compositor: Compositor) -> None:
     frame = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     compositor.composite(frame, np.full((8, 8, 3), 200, np.uint8), upright(20, 20, 120, 120), feather=10)
@@ -363,6 +372,28 @@ def test_osmesa_without_a_context_is_told(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(ctypes, "CDLL", lambda name: library)
     with pytest.raises(RunError, match=r"3\.3"):
         open_compositor("osmesa")
+
+
+def test_a_driver_that_cannot_compile_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened("egl").close()
+    monkeypatch.setattr(compositor_gl, "FRAGMENT_SHADER", "#version 330 core\nnonsense")
+    with pytest.raises(RunError, match="compile") as caught:
+        open_compositor("egl")
+    assert "\n" not in str(caught.value)
+
+
+def test_an_error_of_the_driver_is_told_and_leaves_the_frame() -> None:
+    with opened("egl") as compositor:
+        assert isinstance(compositor, GlCompositor)
+        frame = new_frame()
+        before = frame.copy()
+        texture = compositor.context.texture((4, 4), 4)
+        texture.write(bytes(64), viewport=(3, 3, 4, 4))  # beyond the texture, which OpenGL refuses
+        with pytest.raises(RunError, match="another compositor"):
+            compositor.composite(frame, poster(), QUADS["tiny"])
+        assert (frame == before).all()
+        compositor.composite(frame, poster(), QUADS["tiny"])
+        assert (frame != before).any()
 
 
 def test_unknown_backend() -> None:
