@@ -112,10 +112,13 @@ def stream_duration(container: InputContainer, stream: VideoStream, start: Fract
     tags = {key.upper(): value for key, value in stream.metadata.items()}
     try:
         hours, minutes, seconds = (Fraction(part) for part in tags.get("DURATION", "").split(":"))
+        end = hours * 3600 + minutes * 60 + seconds
     except ValueError:
-        return None
-    duration = hours * 3600 + minutes * 60 + seconds - start
-    return duration if duration > 0 else None
+        # The tag comes at the file's end. Where it is cut off, a lone stream is as long as everything together.
+        if len(container.streams) > 1 or not container.duration:
+            return None
+        end = Fraction(container.duration, 1_000_000)
+    return end - start if end > start else None
 
 
 def picture_duration(path: Path) -> Fraction:

@@ -12,12 +12,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .homography import Array, from_corners, normalised, square, transform, translation
+from .homography import Array, from_corners, normalised, square, transform
 from .sampling import Pyramid
 
 Grey = NDArray[np.float32]
 
-MARGIN = 12  # px around the rectified crop that alignment may look into
 CELLS = 8  # the target is judged on a grid of CELLS x CELLS
 AGREES = 0.5  # correlation from which a cell is taken to show the template
 # Expected moves of the eight parameters, px at the crop's edge: affine four, translation free, perspective.
@@ -63,16 +62,15 @@ class Refiner:
         outline = square(1.0) * [self.width, self.height] + [(self.width - 1) / 2, (self.height - 1) / 2]
         self.crop_to_template = from_corners(outline, quad)
         self.sigma = max(self.width, self.height) / 14
-        raw = self._crop(frame, np.eye(3), 0)
+        raw = self._crop(frame, np.eye(3))
         self.levels = [_Level(_normalise(cv2.GaussianBlur(raw, (0, 0), blur), self.sigma), blur) for blur in (2.0, 0.8)]
         energy = _cell_means(_deviation(raw, self.sigma))
         # Texture that is not mere noise: two grey levels of deviation, or a fair share of the target's own.
         self.textured = energy > min(2.0, 0.5 * float(np.median(energy)))
 
-    def _crop(self, frame: Pyramid, homography: Array, margin: int) -> Grey:
-        crop_to_frame = homography @ self.crop_to_template @ translation(-margin, -margin)
-        crop = frame.crop(crop_to_frame, self.width + 2 * margin, self.height + 2 * margin)
-        return crop.astype(np.float32)
+    def _crop(self, frame: Pyramid, homography: Array) -> Grey:
+        # Nothing outside the quad is looked at: what lies there may move on its own.
+        return frame.crop(homography @ self.crop_to_template, self.width, self.height).astype(np.float32)
 
     def align(self, frame: Pyramid, homography: Array) -> Array:
         """The homography (3, 3), template to frame, nearest to the given one at which the frame fits the template."""
@@ -90,15 +88,15 @@ class Refiner:
     def _step(
         self, level: "_Level", frame: Pyramid, homography: Array, trust: Grey | None = None
     ) -> tuple[Array, Grey]:
-        """One alignment at one level; also the normalised crop, without margin, as it was before."""
-        search = _normalise(cv2.GaussianBlur(self._crop(frame, homography, MARGIN), (0, 0), level.blur), self.sigma)
+        """One alignment at one level; also the normalised crop as it was before."""
+        search = _normalise(cv2.GaussianBlur(self._crop(frame, homography), (0, 0), level.blur), self.sigma)
         moved = self.crop_to_template @ level.align(search, trust) @ np.linalg.inv(self.crop_to_template)
-        return normalised(homography @ moved), search[MARGIN:-MARGIN, MARGIN:-MARGIN]
+        return normalised(homography @ moved), search
 
     def agreement(self, frame: Pyramid, homography: Array) -> Agreement:
         """Compares the frame, rectified by a homography, with the template."""
         fine = self.levels[-1]
-        search = _normalise(cv2.GaussianBlur(self._crop(frame, homography, 0), (0, 0), fine.blur), self.sigma)
+        search = _normalise(cv2.GaussianBlur(self._crop(frame, homography), (0, 0), fine.blur), self.sigma)
         seen = self._in_frame(frame, homography)
         return Agreement(_correlation(fine.template, search), self.textured & seen, self.textured)
 
@@ -136,7 +134,7 @@ class _Level:
         self.cells = y * CELLS // h, x * CELLS // w
 
     def align(self, search: Grey, trust: Grey | None = None, iterations: int = 12) -> Array:
-        """Warp (3, 3), template pixels to pixels of the search crop less its margin.
+        """Warp (3, 3), template pixels to pixels of the search crop.
 
         Args: trust: (8, 8) weights of the target's cells, 0..1.
         """
@@ -147,11 +145,12 @@ class _Level:
         from_unit = np.linalg.inv(to_unit)
         warp = np.eye(3)
         for _ in range(iterations):
-            at = (transform(warp, self.points) + MARGIN).astype(np.float32)
+            at = transform(warp, self.points).astype(np.float32)
+            inside = ((at >= 0) & (at <= [search.shape[1] - 1, search.shape[0] - 1])).all(1)
             seen = cv2.remap(search, at[:, None, 0], at[:, None, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             error = seen[:, 0] - self.values
             noise = max(1.4826 * float(np.median(np.abs(error))), 0.05)
-            weight = _tukey(error / noise) * trusted
+            weight = _tukey(error / noise) * trusted * inside
             weighted = self.jacobian * weight[:, None]
             hessian = (weighted.T @ self.jacobian).astype(np.float64)
             # What the visible part cannot tell stays near the start: a prior on how far each parameter moves.

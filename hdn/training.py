@@ -3,6 +3,7 @@
 import argparse
 import csv
 import math
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,8 +12,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from . import losses
+from . import losses, weights
 from .config import COMPACT, Config
+from .errors import InputError
 from .homography import dlt
 from .polar import polar_crop, polar_points
 from .residual import ResidualNetwork, standardise
@@ -28,7 +30,11 @@ Features = Callable[[Tensor], tuple[Tensor, ...]]
 def find_images(folders: list[Path], held_out: bool) -> list[Path]:
     """Images under the folders, sorted: those of the held-out sources, or all the others."""
     paths = sorted(p for folder in folders for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES)
-    return [p for p in paths if any(part in HELD_OUT for part in p.parts) == held_out]
+    chosen = [p for p in paths if any(part in HELD_OUT for part in p.parts) == held_out]
+    if not chosen:
+        kind = f"held-out images ({', '.join(HELD_OUT)})" if held_out else "images"
+        raise InputError(f"no {kind} under {', '.join(map(str, folders)) or 'no folder'}: name folders with --images")
+    return chosen
 
 
 def frozen_features(network: SimilarityNetwork, device: torch.device) -> Features:
@@ -291,8 +297,8 @@ def train(
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="hdn-train", description="Train a component of HDN on folders of images.")
-    parser.add_argument("component", choices=["similarity", "residual"])
-    parser.add_argument("--images", type=Path, nargs="+", required=True, metavar="DIR")
+    parser.add_argument("component", choices=["similarity", "residual", "pack"], help="pack: both into one weights file")
+    parser.add_argument("--images", type=Path, nargs="+", default=[], metavar="DIR")
     parser.add_argument("--out", type=Path, required=True, help="folder for the checkpoint and the loss curve")
     parser.add_argument("--steps", type=int, default=5000)
     parser.add_argument("--batch", type=int, default=32)
@@ -303,6 +309,17 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
+    try:
+        _run(options)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _run(options: argparse.Namespace) -> None:
+    if options.component == "pack":
+        weights.pack(options.out, options.out / weights.FILE_NAME)
+        return
     torch.set_num_threads(options.threads)
     train(
         options.component,
