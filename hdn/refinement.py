@@ -19,8 +19,9 @@ Grey = NDArray[np.float32]
 
 CELLS = 8  # the target is judged on a grid of CELLS x CELLS
 AGREES = 0.5  # correlation from which a cell is taken to show the template
+ALIGNED = 0.7  # correlation that the best cells reach once the crop is nearly aligned
 # Expected moves of the eight parameters, px at the crop's edge: affine four, translation free, perspective.
-SPREAD = np.array([6.0, 6, 100, 6, 6, 100, 3, 3])
+SPREAD = np.array([5.0, 5, 100, 5, 5, 100, 2, 2])
 CORRELATED = 100  # neighbouring pixels share their errors: this many count as one
 
 
@@ -75,23 +76,34 @@ class Refiner:
     def align(self, frame: Pyramid, homography: Array) -> Array:
         """The homography (3, 3), template to frame, nearest to the given one at which the frame fits the template."""
         coarse, fine = self.levels
-        homography, search = self._step(coarse, frame, homography)
-        trust = np.ones((CELLS, CELLS), np.float32)
+        homography, before = self._step(coarse, frame, homography)
         for _ in range(3):
-            homography, search = self._step(fine, frame, homography, trust)
-            # Cells that show something else than the template must not pull: once more without them.
-            before, trust = trust, np.clip(4 * _correlation(fine.template, search) - 2, 0, 1)
-            if trust.sum() < 0.15 * trust.size or np.abs(trust - before).max() < 0.3:
+            homography, trust = self._step(fine, frame, homography)
+            if np.abs(trust - before).max() < 0.3:
                 break
+            before = trust
         return homography
 
-    def _step(
-        self, level: "_Level", frame: Pyramid, homography: Array, trust: Grey | None = None
-    ) -> tuple[Array, Grey]:
-        """One alignment at one level; also the normalised crop as it was before."""
+    def _step(self, level: "_Level", frame: Pyramid, homography: Array) -> tuple[Array, Grey]:
+        """One alignment at one level; also the weights of the cells in it."""
         search = _normalise(cv2.GaussianBlur(self._crop(frame, homography), (0, 0), level.blur), self.sigma)
+        trust = self._trust(_correlation(level.template, search))
         moved = self.crop_to_template @ level.align(search, trust) @ np.linalg.inv(self.crop_to_template)
-        return normalised(homography @ moved), search
+        return normalised(homography @ moved), trust
+
+    def _trust(self, correlation: Grey) -> Grey:
+        """Weights (8, 8) of the cells for alignment; where hardly any agrees, all count: it is not aligned yet."""
+        # How well a clear cell agrees, in this frame's blur and noise, the best cells show.
+        best = float(np.quantile(correlation[self.textured], 0.9)) if self.textured.any() else 0.0
+        if best < ALIGNED:
+            return np.ones_like(correlation)
+        agree = np.clip((correlation / best - 0.75) / 0.15, 0, 1)
+        # Beside an occluder a cell is half its, even where it agrees.
+        clear = agree * cv2.erode(np.where(self.textured, agree, 1), np.ones((3, 3), np.uint8))
+        for trust in (clear, agree):
+            if trust.sum() > 0.1 * trust.size:
+                return np.asarray(trust, np.float32)
+        return np.ones_like(correlation)
 
     def agreement(self, frame: Pyramid, homography: Array) -> Agreement:
         """Compares the frame, rectified by a homography, with the template."""
@@ -133,12 +145,12 @@ class _Level:
         self.values = template[y, x]
         self.cells = y * CELLS // h, x * CELLS // w
 
-    def align(self, search: Grey, trust: Grey | None = None, iterations: int = 12) -> Array:
+    def align(self, search: Grey, trust: Grey, iterations: int = 12) -> Array:
         """Warp (3, 3), template pixels to pixels of the search crop.
 
         Args: trust: (8, 8) weights of the target's cells, 0..1.
         """
-        trusted = 1 if trust is None else trust[self.cells]
+        trusted = trust[self.cells]
         to_unit = np.array(
             [[self.scale, 0, -self.scale * self.centre[0]], [0, self.scale, -self.scale * self.centre[1]], [0, 0, 1.0]]
         )

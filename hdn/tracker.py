@@ -19,7 +19,7 @@ from .sampling import Image, Pyramid
 State = Literal["tracked", "held", "lost"]
 
 MIN_SIDE = 16  # px: a smaller target shows too little to track
-HOLD_FRAMES = 12  # frames without a fix after which a held target counts as lost
+HOLD_FRAMES = 20  # frames without a fix after which a held target counts as lost
 
 
 @dataclass(frozen=True)
@@ -141,11 +141,12 @@ class Tracker:
         homography, evidence = self._hdn(colour)
         best, agreement = self._refine(grey, homography)
         if agreement < SURE:
-            # Small motions need no network: try where the target was, and where its motion would carry it.
-            for start in (self.homography, self._predicted()):
+            # Where much is hidden, what the visible part leaves open had better follow the motion so far.
+            for start in (self._predicted(), self.homography):
                 other, other_agreement = self._refine(grey, start)
-                if other_agreement > agreement + 0.02:
+                if other_agreement > agreement - 0.02:
                     best, agreement = other, other_agreement
+                    break
         if not self._plausible(best):
             agreement = 0.0
         return best, Evidence(

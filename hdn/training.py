@@ -297,7 +297,9 @@ def train(
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="hdn-train", description="Train a component of HDN on folders of images.")
-    parser.add_argument("component", choices=["similarity", "residual", "pack"], help="pack: both into one weights file")
+    parser.add_argument(
+        "component", choices=["similarity", "residual", "pack"], help="pack: both into one weights file"
+    )
     parser.add_argument("--images", type=Path, nargs="+", default=[], metavar="DIR")
     parser.add_argument("--out", type=Path, required=True, help="folder for the checkpoint and the loss curve")
     parser.add_argument("--steps", type=int, default=5000)

@@ -36,7 +36,8 @@ def test_an_occluder_does_not_pull(scene: Scene) -> None:
     assert error(transform(found, scene.quad), truth) < 0.6
     agreement = refiner.agreement(grey(frame), found)
     assert 0.4 < agreement.share < 0.85
-    assert agreement.correlation[:, :2].max() < 0.5 < np.median(agreement.correlation[:, 4:])
+    assert np.median(agreement.correlation[:, :2]) < 0.3
+    assert np.median(agreement.correlation[:, 4:]) > 0.9
 
 
 def test_another_picture_does_not_agree(scene: Scene) -> None:
