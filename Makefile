@@ -6,9 +6,11 @@
 PYTHON ?= python3.11
 TORCH ?= torch==2.13.0
 BIN := .venv/bin
+# The poster's corners in the demo clip's first frame.
+QUAD := 476.3,128.1 759.4,121.6 758.8,479.7 481.7,476.3
 
 demo: .venv/installed
-	$(BIN)/ar-replace assets/demo.mp4 assets/ad.mp4 --track "" -o demo.mp4 --overwrite
+	$(BIN)/ar-replace assets/demo.mp4 assets/ad.mp4 --quad $(QUAD) -o demo.mp4 --overwrite
 
 test: .venv/installed
 	$(BIN)/ruff check .

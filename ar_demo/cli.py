@@ -177,7 +177,6 @@ def _set_up_logging(quiet: bool) -> None:
         logger = logging.getLogger(name)
         logger.handlers[:] = [handler]
         logger.setLevel(logging.ERROR if quiet else logging.INFO)
-        logger.propagate = False
 
 
 def _warn(warnings: list[str], strict: bool) -> int:

@@ -155,6 +155,8 @@ class VideoWriter:
     def _add_stream(self, codec: str, crf: float | None, pix_fmt: str, pixel_aspect: Fraction) -> VideoStream:
         width, height = self._size
         options = {"crf": f"{DEFAULT_CRF if crf is None else crf:g}"}
+        if codec == "libvpx-vp9":
+            options |= {"cpu-used": "4", "row-mt": "1"}  # several times faster for hardly a difference
         stream = cast(VideoStream, self._container.add_stream(codec, rate=self._rate, options=options))
         stream.time_base = self._time_base
         context = stream.codec_context

@@ -1,10 +1,11 @@
 """Runs the networks on single crops: OpenVINO on a CPU, PyTorch on CUDA.
 
-Both engines run the same three functions of crops; the tracker does not know which it has.
+Both engines run the same functions of crops; the tracker does not know which it has.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,8 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from .errors import InputError
-from .homography import dlt, square
-from .residual import standardise
+from .homography import square, transform
 from .sampling import Image
 from .weights import Hdn
 
@@ -45,74 +45,91 @@ class Residual:
     distance_after: float
 
 
-class _TemplateEncoder(nn.Module):
-    def __init__(self, network: Hdn) -> None:
+class _Encode(nn.Module):
+    """A branch's correlation kernel from the maps of a template crop."""
+
+    def __init__(self, branch: nn.Module) -> None:
         super().__init__()
-        self.network = network.similarity
+        self.branch: Any = branch
 
-    def forward(self, crop: Tensor, polar: Tensor) -> tuple[Tensor, Tensor]:
-        n = self.network
-        return n.encode_template(n.backbone(crop)), n.encode_polar_template(n.backbone(polar))
+    def forward(self, *maps: Tensor) -> tuple[Tensor]:
+        return (self.branch.encode_template(maps),)
 
 
-class _Translation(nn.Module):
-    def __init__(self, network: Hdn) -> None:
+class _Correlate(nn.Module):
+    """A branch's logits and offsets from its kernel and the maps of a search crop."""
+
+    def __init__(self, branch: nn.Module) -> None:
         super().__init__()
-        self.network = network.similarity
+        self.branch: Any = branch
 
-    def forward(self, template: Tensor, crop: Tensor) -> tuple[Tensor, Tensor]:
-        n = self.network
-        return n.translation(template, n.encode_search(n.backbone(crop)))
+    def forward(self, kernel: Tensor, *maps: Tensor) -> tuple[Tensor, Tensor]:
+        return self.branch(kernel, self.branch.encode_search(maps))
 
 
-class _Polar(nn.Module):
-    def __init__(self, network: Hdn) -> None:
+class _Joined(nn.Module):
+    """A head on the backbone's maps of the last input."""
+
+    def __init__(self, backbone: nn.Module, head: nn.Module) -> None:
         super().__init__()
-        self.network = network.similarity
+        self.backbone, self.head = backbone, head
 
-    def forward(self, template: Tensor, crop: Tensor) -> tuple[Tensor, Tensor]:
-        n = self.network
-        return n.polar(template, n.encode_polar_search(n.backbone(crop)))
+    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        *kernels, crop = inputs
+        return self.head(*kernels, *self.backbone(crop))
 
 
 class _Offsets(nn.Module):
-    """Residual network on raw crops, with the feature distances before and after the warp it predicts."""
+    """Residual network on raw crops."""
 
-    def __init__(self, network: Hdn) -> None:
+    def __init__(self, network: nn.Module) -> None:
         super().__init__()
-        self.network = network.residual
+        self.network: Any = network
 
     def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        return self.network(standardise(template), standardise(search))
+        n = self.network
+        return n(n.prepare(template), n.prepare(search))
 
 
 Function = Callable[..., list[Floats]]
 
 
-def _torch_function(module: nn.Module, device: torch.device) -> Function:
-    module = module.to(device)
+def _torch_functions(network: Hdn, device: torch.device) -> list[Function]:
+    s = network.similarity
+    heads = _Encode(s.translation), _Encode(s.polar), _Correlate(s.translation), _Correlate(s.polar)
+    half = network.config.half and device.type == "cuda"
 
-    def run(*inputs: Floats) -> list[Floats]:
-        with torch.inference_mode(), torch.autocast("cuda", torch.float16, enabled=device.type == "cuda"):
-            outputs = module(*(torch.from_numpy(x).to(device) for x in inputs))
-        return [o.float().cpu().numpy() for o in outputs]
+    def function(module: nn.Module) -> Function:
+        module = module.to(device).eval()
 
-    return run
+        def run(*inputs: Floats) -> list[Floats]:
+            with torch.inference_mode(), torch.autocast("cuda", torch.float16, enabled=half):
+                outputs = module(*(torch.from_numpy(x).to(device) for x in inputs))
+            return [o.float().cpu().numpy() for o in outputs]
+
+        return run
+
+    return [function(m) for m in (*(_Joined(s.backbone, head) for head in heads), _Offsets(network.residual))]
 
 
-def _openvino_function(module: nn.Module, *shapes: tuple[int, ...]) -> Function:
-    import openvino as ov
+def _openvino_functions(network: Hdn) -> list[Function]:
+    from .compilation import compiled, convert, join
 
-    examples = tuple(torch.zeros(shape) for shape in shapes)
-    model = ov.convert_model(module, example_input=examples, input=list(shapes))
-    options = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
-    request = ov.Core().compile_model(model, "CPU", options).create_infer_request()
-
-    def run(*inputs: Floats) -> list[Floats]:
-        request.infer(list(inputs))
-        return [request.get_output_tensor(i).data.copy() for i in range(len(model.outputs))]
-
-    return run
+    c, s = network.config, network.similarity
+    crop, residual = torch.zeros(1, 3, c.template_size, c.template_size), torch.zeros(1, 3, *[c.residual_size] * 2)
+    backbone = convert(s.backbone, crop)
+    with torch.inference_mode():
+        maps = s.backbone(crop)
+        kernel, polar_kernel = s.encode_template(maps), s.encode_polar_template(maps)
+    models = (
+        join(backbone, convert(_Encode(s.translation), *maps), c.template_size),
+        join(backbone, convert(_Encode(s.polar), *maps), c.polar_size),
+        join(backbone, convert(_Correlate(s.translation), kernel, *maps), c.search_size, kernel),
+        join(backbone, convert(_Correlate(s.polar), polar_kernel, *maps), c.polar_size, polar_kernel),
+        convert(_Offsets(network.residual), residual, residual),
+    )
+    models[-1].reshape(dict(enumerate([list(residual.shape)] * 2)))
+    return [compiled(model) for model in models]
 
 
 def choose_device(name: str) -> torch.device:
@@ -134,28 +151,19 @@ class Engine:
     def __init__(self, network: Hdn, device: str = "auto", library: str = "auto") -> None:
         """Args: library: 'openvino', 'torch', or 'auto': OpenVINO on a CPU, PyTorch on CUDA."""
         chosen = choose_device(device)
-        c = self.config = network.config
-        modules = _TemplateEncoder(network), _Translation(network), _Polar(network), _Offsets(network)
+        self.config = network.config
         if library == "openvino" or (library == "auto" and chosen.type == "cpu"):
             self.description = "OpenVINO on the CPU"
-            t, p, r = c.template_size, c.polar_size, c.residual_size
-            kernel, cells = c.template_cells - 2, p // c.stride - 2
-            shapes: tuple[tuple[tuple[int, ...], ...], ...] = (
-                ((1, 3, t, t), (1, 3, p, p)),
-                ((1, c.channels, kernel, kernel), (1, 3, c.search_size, c.search_size)),
-                ((1, c.channels, cells, cells), (1, 3, p, p)),
-                ((1, 3, r, r), (1, 3, r, r)),
-            )
-            functions = [_openvino_function(m, *s) for m, s in zip(modules, shapes, strict=True)]
+            functions = _openvino_functions(network)
         else:
             self.description = f"PyTorch on {chosen.type}"
-            functions = [_torch_function(m, chosen) for m in modules]
-        self._encode, self._translation, self._polar, self._offsets = functions
+            functions = _torch_functions(network, chosen)
+        self._encode, self._encode_polar, self._translation, self._polar, self._offsets = functions
+        self._homography = network.residual.homography
 
     def encode_template(self, crop: Image, polar: Image) -> tuple[Floats, Floats]:
         """Template crop and its log-polar crop to the kernels of the two branches; once a target."""
-        kernel, polar_kernel = self._encode(_tensor(crop), _tensor(polar))
-        return kernel, polar_kernel
+        return self._encode(_tensor(crop))[0], self._encode_polar(_tensor(polar))[0]
 
     def translation(self, kernel: Floats, crop: Image) -> Shift:
         """Where the target's centre is in the search crop, px from the crop's centre."""
@@ -170,21 +178,18 @@ class Engine:
     def residual(self, template: Image, search: Image) -> Residual:
         """Corner offsets between two rectified crops, and whether they bring them closer."""
         offsets, e_template, e_search = self._offsets(_tensor(template), _tensor(search))
-        corners = torch.from_numpy(square(self.config.residual_size))
-        matrix = dlt(torch.from_numpy(offsets.astype(np.float64)), corners)[0].numpy()
-        before = np.abs(e_search - e_template)[0, 0]
-        return Residual(
-            offsets[0].astype(np.float64), float(before.mean()), _warped_distance(e_template, e_search, matrix)
-        )
+        matrix = self._homography(torch.from_numpy(offsets.astype(np.float64)))[0].numpy()
+        corners = square(self.config.residual_size)
+        # The maps may be coarser than the crop: their cell (i, j) is centred on pixel (i / ratio, j / ratio).
+        ratio = np.diag([e_search.shape[-1] / search.shape[0]] * 2 + [1.0])
+        after = _warped_distance(e_template, e_search, ratio @ matrix @ np.linalg.inv(ratio))
+        return Residual(transform(matrix, corners) - corners, float(np.abs(e_search - e_template).mean()), after)
 
 
 def _warped_distance(template: Floats, search: Floats, matrix: NDArray[np.float64]) -> float:
+    """Mean |search - template|, maps (1, 1, n, n), once the template is warped by a homography."""
     n = template.shape[-1]
-    # The maps have half the crop's resolution: cell (i, j) is centred on pixel (2 i, 2 j).
-    half = np.diag([0.5, 0.5, 1.0])
-    warped = cv2.warpPerspective(
-        template[0, 0], half @ matrix @ np.linalg.inv(half), (n, n), borderMode=cv2.BORDER_REPLICATE
-    )
+    warped = cv2.warpPerspective(template[0, 0], matrix, (n, n), borderMode=cv2.BORDER_REPLICATE)
     return float(np.abs(search[0, 0] - warped).mean())
 
 
@@ -195,7 +200,8 @@ def _tensor(crop: Image) -> Floats:
 
 def _decode(logits: Floats, offsets: Floats, stride: int) -> Shift:
     """The shift at the most probable cell, refined by its neighbours' votes; see `losses.grid_points` for the grid."""
-    score = 1 / (1 + np.exp(logits[0, 0] - logits[0, 1]))  # softmax of two
+    offsets = offsets[:, :: offsets.shape[1] // 2]  # of four, the first and the third count
+    score = 1 / (1 + np.exp(np.minimum(logits[0, 0] - logits[0, 1], 20)))  # softmax of two, never quite zero
     n = score.shape[0]
     row, column = divmod(int(score.argmax()), n)
     rows, columns = slice(max(row - 1, 0), row + 2), slice(max(column - 1, 0), column + 2)

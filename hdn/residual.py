@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from .config import Config
+from .homography import dlt, square
 
 
 def _conv(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
@@ -45,8 +46,18 @@ class ResidualNetwork(nn.Module):
             nn.Flatten(), nn.Linear(widths[-1] * cells * cells, 256), nn.ReLU(inplace=True), nn.Linear(256, 8)
         )
 
+        self.corners = torch.from_numpy(square(config.residual_size))
+
+    def prepare(self, crops: Tensor) -> Tensor:
+        """RGB (B, 3, n, n), 0..255, to grey (B, 1, n, n), standardised."""
+        return standardise(crops)
+
     def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Offsets (B, 4, 2) and the extracted maps E(template), E(search), each (B, 1, n/2, n/2)."""
         embedded_template, embedded_search = self.extractor(template), self.extractor(search)
         x = torch.cat([embedded_template, embedded_search], 1)
         return self.regressor(self.trunk(x)).reshape(-1, 4, 2), embedded_template, embedded_search
+
+    def homography(self, offsets: Tensor) -> Tensor:
+        """Offsets (B, 4, 2) to homographies (B, 3, 3), pixels of the template crop to those of the search crop."""
+        return dlt(offsets, self.corners)

@@ -57,4 +57,4 @@ def _level_for(crop_to_frame: Array, width: int, height: int) -> int:
     x, y = corners[:, 0], corners[:, 1]
     covered = abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
     ratio = np.sqrt(covered / (width * height / 4))  # frame pixels per crop pixel
-    return max(0, round(float(np.log2(max(ratio, 1e-6)))))
+    return round(float(np.clip(np.log2(max(ratio, 1.0)), 0, 16))) if np.isfinite(ratio) else 0

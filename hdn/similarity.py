@@ -4,12 +4,16 @@ Paper: "Similarity Component", eqs. 4 and 5. Each branch has one correlation of 
 one head for both the score map and the offset map.
 """
 
-import torch
+from typing import Any
+
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from .backbone import CHANNELS, Backbone
 from .config import Config
+from .correlation import adapt, centre, correlate, pad_polar
+from .paper import LevelBranch
+from .resnet import ResNet50
 
 
 class Neck(nn.Module):
@@ -28,26 +32,17 @@ class Neck(nn.Module):
         return F.relu(self.norm(x))
 
 
-def _adapt(channels: int) -> nn.Sequential:
-    return nn.Sequential(nn.Conv2d(channels, channels, 3, bias=False), nn.BatchNorm2d(channels), nn.ReLU())
-
-
-def correlate(template: Tensor, search: Tensor) -> Tensor:
-    """Depth-wise cross-correlation: (B, C, h, w) over (B, C, H, W) gives (B, C, H - h + 1, W - w + 1)."""
-    b, c, h, w = template.shape
-    x = search.reshape(1, b * c, *search.shape[2:])
-    y = F.conv2d(x, template.reshape(b * c, 1, h, w), groups=b * c)
-    return y.reshape(b, c, *y.shape[2:]) / (h * w)
-
-
 class Branch(nn.Module):
     """One correlation branch; `encode_*` go before it, once for the template and once a frame; `head` after it."""
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, config: Config, polar: bool) -> None:
         super().__init__()
+        channels = config.channels
+        self.cells = None if polar else config.template_cells
+        self.reach = config.polar_reach if polar else 0
         self.neck = Neck(channels)
-        self.adapt_template = _adapt(channels)
-        self.adapt_search = _adapt(channels)
+        self.adapt_template = adapt(channels)
+        self.adapt_search = adapt(channels)
         self.head = nn.Sequential(
             nn.Conv2d(channels, channels, 1, bias=False),
             nn.BatchNorm2d(channels),
@@ -58,9 +53,20 @@ class Branch(nn.Module):
             nn.Conv2d(channels, 4, 1),
         )
 
+    def encode_template(self, maps: tuple[Tensor, ...]) -> Tensor:
+        """Backbone maps to the correlation kernel: (B, C, 6, 6) of translation, (B, C, 14, 14) of log-polar."""
+        x = self.neck(maps)  # (B, C, 16, 16)
+        return self.adapt_template(centre(x, self.cells) if self.cells else x)
+
+    def encode_search(self, maps: tuple[Tensor, ...]) -> Tensor:
+        """Backbone maps to what the kernel slides over: (B, C, n - 2, n - 2), of log-polar (B, C, 22, 22)."""
+        x = self.neck(maps)
+        return self.adapt_search(pad_polar(x, self.reach) if self.reach else x)
+
     def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, Tensor]:
         """Encoded template and search to score logits (B, 2, n, n) and offsets (B, 2, n, n) in cells."""
-        y = self.head(correlate(template, search))
+        h, w = template.shape[2:]
+        y = self.head(correlate(template, search) / (h * w))
         return y[:, :2], y[:, 2:]
 
 
@@ -70,31 +76,24 @@ class SimilarityNetwork(nn.Module):
     def __init__(self, config: Config) -> None:
         super().__init__()
         self.config = config
-        self.backbone = Backbone()
-        self.translation = Branch(config.channels)
-        self.polar = Branch(config.channels)
+        compact = config.backbone == "efficientnet-lite0"
+        branch = Branch if compact else LevelBranch
+        self.backbone: Any = Backbone() if compact else ResNet50()
+        self.translation = branch(config, polar=False)
+        self.polar = branch(config, polar=True)
 
     def encode_template(self, maps: tuple[Tensor, ...]) -> Tensor:
-        """Backbone maps of the template crop to the correlation kernel: (B, C, 6, 6)."""
-        x = self.translation.neck(maps)  # (B, C, 16, 16)
-        n = self.config.template_cells
-        start = (x.shape[-1] - n) // 2
-        return self.translation.adapt_template(x[:, :, start : start + n, start : start + n])
+        """Backbone maps of the template crop to translation's correlation kernel."""
+        return self.translation.encode_template(maps)
 
     def encode_search(self, maps: tuple[Tensor, ...]) -> Tensor:
-        """Backbone maps of the search crop to what the kernel slides over: (B, C, 30, 30)."""
-        return self.translation.adapt_search(self.translation.neck(maps))
+        """Backbone maps of the search crop to what that kernel slides over."""
+        return self.translation.encode_search(maps)
 
     def encode_polar_template(self, maps: tuple[Tensor, ...]) -> Tensor:
-        """Backbone maps of the template's log-polar crop: (B, C, 14, 14)."""
-        return self.polar.adapt_template(self.polar.neck(maps))
+        """Backbone maps of the template's log-polar crop to the log-polar branch's kernel."""
+        return self.polar.encode_template(maps)
 
     def encode_polar_search(self, maps: tuple[Tensor, ...]) -> Tensor:
-        """Backbone maps of the search's log-polar crop: (B, C, 22, 22).
-
-        Padded circularly along the angle (rows) and by replication along the log-radius (columns).
-        """
-        x = self.polar.neck(maps)  # (B, C, 16, 16)
-        reach = self.config.polar_reach
-        x = torch.cat([x[:, :, -reach:], x, x[:, :, :reach]], 2)
-        return self.polar.adapt_search(F.pad(x, (reach, reach, 0, 0), mode="replicate"))
+        """Backbone maps of the search's log-polar crop to what that kernel slides over."""
+        return self.polar.encode_search(maps)

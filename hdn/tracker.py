@@ -104,8 +104,9 @@ class Tracker:
         self.fill = tuple(float(v) for v in frame.reshape(-1, 3)[::97].mean(0))
 
         template = colour.crop(self._window(c.template_size), c.template_size, c.template_size, self.fill)
-        self.kernels = self.engine.encode_template(template, self._polar_crop(template, np.zeros(2)))
-        self.outline = from_corners(square(c.residual_size), self.quad)  # residual crop to template
+        self.kernels = self.engine.encode_template(template, self._polar_crop(template))
+        view = self.quad if c.residual_rectified else self.centre + square(1) * np.sqrt(width * height)
+        self.outline = from_corners(square(c.residual_size), view)  # residual crop to template
         self.residual_template = colour.crop(self.outline, c.residual_size, c.residual_size)
         self.refiner = Refiner(grey, self.quad)
         self.redetector = Redetector(grey, self.quad)
@@ -138,8 +139,14 @@ class Tracker:
 
     def _locate(self, colour: Pyramid, grey: Pyramid) -> tuple[Array, Evidence]:
         """HDN's three stages from the last pose, refined; where that does not convince, refinement alone."""
-        homography, evidence = self._hdn(colour)
+        homography, evidence = self._hdn(colour, self.homography)
         best, agreement = self._refine(grey, homography)
+        if agreement < FIX and evidence.score >= TRUSTED_SCORE:
+            # A large motion is found in two goes: the second starts where the first came to.
+            homography, again = self._hdn(colour, homography)
+            other, other_agreement = self._refine(grey, homography)
+            if other_agreement > agreement:
+                best, agreement, evidence = other, other_agreement, again
         if agreement < SURE:
             # Where much is hidden, what the visible part leaves open had better follow the motion so far.
             for start in (self._predicted(), self.homography):
@@ -153,28 +160,30 @@ class Tracker:
             evidence.score, evidence.polar_score, evidence.residual, evidence.distance_ratio, agreement
         )
 
-    def _hdn(self, colour: Pyramid) -> tuple[Array, Evidence]:
-        """H_previous . H_similarity . H_residual (paper, eq. 1 and 2)."""
+    def _hdn(self, colour: Pyramid, start: Array) -> tuple[Array, Evidence]:
+        """H_start . H_similarity . H_residual (paper, eq. 1 and 2)."""
         c = self.config
         n = c.search_size
-        search = colour.crop(self.homography @ self._window(n), n, n, self.fill)
+        search = colour.crop(start @ self._window(n), n, n, self.fill)
         shift = self.engine.translation(self.kernels[0], search)
         at = np.array([shift.x, shift.y])
         if shift.score < TRUSTED_SCORE:
             at = np.zeros(2)
-        polar = self.engine.polar(self.kernels[1], self._polar_crop(search, at))
+        window = start @ translation(*(at * self.unit)) @ self._window(c.template_size)
+        around = colour.crop(window, c.template_size, c.template_size, self.fill)
+        polar = self.engine.polar(self.kernels[1], self._polar_crop(around))
         trusted = min(shift.score, polar.score) >= TRUSTED_SCORE
         scale = float(np.exp(polar.x * c.log_scale_per_pixel)) if trusted else 1.0
         rotation = polar.y * c.radians_per_pixel if trusted else 0.0
         to_centre = translation(*self.centre)
         moved = similarity(scale, rotation, *(at * self.unit))
-        homography = self.homography @ to_centre @ moved @ np.linalg.inv(to_centre)
+        homography = start @ to_centre @ moved @ np.linalg.inv(to_centre)
 
         crop = colour.crop(homography @ self.outline, c.residual_size, c.residual_size)
         residual = self.engine.residual(self.residual_template, crop)
         ratio = residual.distance_after / max(residual.distance_before, 1e-6)
-        if ratio < 1:
-            corners = square(c.residual_size)
+        corners = square(c.residual_size)
+        if ratio < 1 and is_convex(corners + residual.offsets):
             step = from_corners(corners, corners + residual.offsets)
             homography = homography @ self.outline @ step @ np.linalg.inv(self.outline)
         length = float(np.linalg.norm(residual.offsets, axis=1).mean())
@@ -208,9 +217,9 @@ class Tracker:
             ]
         )
 
-    def _polar_crop(self, crop: Image, at: Array) -> Image:
-        """Log-polar crop about a point given in px from the crop's centre."""
-        points = self._points + np.float32((crop.shape[0] - 1) / 2) + at.astype(np.float32)
+    def _polar_crop(self, crop: Image) -> Image:
+        """Log-polar crop about a crop's centre."""
+        points = self._points + np.float32((crop.shape[0] - 1) / 2)
         return np.asarray(cv2.remap(crop, points, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
 
 
@@ -226,7 +235,8 @@ def is_fix(evidence: Evidence) -> bool:
     A negative pair shows as a low score and offsets pulled to zero with a feature distance that does not fall; then the
     photometric agreement has to be the stronger.
     """
-    negative = evidence.score < TRUSTED_SCORE and evidence.distance_ratio > 0.95
+    pulled_to_zero = evidence.residual < 0.5 and evidence.distance_ratio > 0.97
+    negative = evidence.score < TRUSTED_SCORE or pulled_to_zero
     return evidence.agreement >= (FIX_WITHOUT_HDN if negative else FIX)
 
 
@@ -234,7 +244,7 @@ def check_quad(quad: Array, width: int, height: int) -> None:
     """Raises InputError unless the quad (4, 2) is convex, inside a width x height frame and at least 16 px wide."""
     if quad.shape != (4, 2) or not np.isfinite(quad).all():
         raise InputError(f"the quad has {len(quad)} points: give four corners x,y, top-left first, clockwise")
-    if ((quad < -0.5) | (quad > [width - 0.5, height - 0.5])).any():
+    if ((quad < -1) | (quad > [width, height])).any():  # corners on the frame's very edge are fine
         raise InputError(f"the quad lies outside the {width}x{height} frame: give corners inside it")
     sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
     if not is_convex(quad):

@@ -205,6 +205,7 @@ def train(
     backbone: Path | None,
     device: torch.device,
     seed: int = 0,
+    validation_batches: int = 16,
 ) -> None:
     """Trains one component; goes on from `out`/`component`.pt where that is there.
 
@@ -254,10 +255,10 @@ def train(
 
     def validation() -> str:
         if component == "similarity":
-            line = validate_similarity(similarity, features, held_out, 16)
+            line = validate_similarity(similarity, features, held_out, validation_batches)
             similarity.backbone.eval()
             return line
-        return validate_residual(residual, held_out, config.residual_size, 16)
+        return validate_residual(residual, held_out, config.residual_size, validation_batches)
 
     def save(step: int) -> None:
         state = {

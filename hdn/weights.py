@@ -1,4 +1,4 @@
-"""Weights on disk: half-precision safetensors that name their configuration."""
+"""Weights on disk: safetensors that name their configuration."""
 
 from pathlib import Path
 
@@ -7,12 +7,13 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from .config import COMPACT, Config
+from .config import COMPACT, PAPER, Config
 from .errors import InputError
+from .paper import PaperResidual
 from .residual import ResidualNetwork
 from .similarity import SimilarityNetwork
 
-CONFIGS = {config.name: config for config in (COMPACT,)}
+CONFIGS = {config.name: config for config in (COMPACT, PAPER)}
 FILE_NAME = "hdn_compact.safetensors"
 
 
@@ -23,13 +24,17 @@ class Hdn(nn.Module):
         super().__init__()
         self.config = config
         self.similarity = SimilarityNetwork(config)
-        self.residual = ResidualNetwork(config)
+        self.residual = ResidualNetwork(config) if config.residual == "plain" else PaperResidual(config)
 
 
 def save(network: Hdn, path: Path, notes: dict[str, str]) -> None:
-    """Writes the weights as fp16 with the configuration's name and the notes (how they were trained)."""
+    """Writes the weights with the configuration's name and the notes (where they come from).
+
+    They are fp16 where the configuration allows it, which halves the file.
+    """
     tensors: dict[str, Tensor] = {
-        name: value.half() if value.is_floating_point() else value for name, value in network.state_dict().items()
+        name: value.half() if network.config.half and value.is_floating_point() else value
+        for name, value in network.state_dict().items()
     }
     save_file(tensors, path, {"config": network.config.name, **notes})
 
@@ -64,10 +69,13 @@ def load(path: Path) -> Hdn:
             name = (file.metadata() or {}).get("config", "")
             tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError) as error:
-        raise InputError(f"{path} is not a safetensors file ({error}): give weights written by hdn-train") from error
+        raise InputError(
+            f"{path} is not a safetensors file ({error}): give weights written by hdn-train or hdn-import"
+        ) from error
     if name not in CONFIGS:
         raise InputError(f"{path} holds weights of configuration '{name}': this version knows {', '.join(CONFIGS)}")
-    network = Hdn(CONFIGS[name])
+    with torch.device("meta"):  # no time goes into initial values
+        network = Hdn(CONFIGS[name])
     expected = network.state_dict()
     shapes = {key: tuple(value.shape) for key, value in tensors.items()}
     wrong = [key for key in expected if shapes.get(key) != tuple(expected[key].shape)] + list(
@@ -75,9 +83,9 @@ def load(path: Path) -> Hdn:
     )
     if wrong:
         raise InputError(
-            f"{path} does not fit configuration '{name}' ({len(wrong)} tensors, first {wrong[0]}): retrain it"
+            f"{path} does not fit configuration '{name}' ({len(wrong)} tensors, first {wrong[0]}): make it anew"
         )
-    network.load_state_dict({key: value.to(expected[key].dtype) for key, value in tensors.items()})
+    network.load_state_dict({key: value.to(expected[key].dtype) for key, value in tensors.items()}, assign=True)
     return network.eval().requires_grad_(False)
 
 

@@ -1,11 +1,13 @@
 """The command lines end to end: what they make, what they refuse, what they leave behind."""
 
 import json
+import logging
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from fractions import Fraction
 from pathlib import Path
 
 import cv2
@@ -17,7 +19,7 @@ from ar_demo.trackfile import Track
 from ar_demo.video import VideoReader
 from hdn.engine import Engine
 
-from .media import make_clip, make_sound, sound_packets, tone, truncated
+from .media import frame_times, make_clip, make_sound, sound_packets, tone, truncated
 from .scenes import Scene, error, path
 
 FRAMES = 24
@@ -34,6 +36,15 @@ def shared_networks(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         tracking, "Tracker", lambda weights, device: original(weights, device, None if weights else engine)
     )
+
+
+@pytest.fixture(autouse=True)
+def restored_logging() -> Iterator[None]:
+    """The command lines set up logging for a process of their own."""
+    yield
+    for name in ("ar_demo", "hdn"):
+        logging.getLogger(name).handlers.clear()
+        logging.getLogger(name).setLevel(logging.NOTSET)
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +140,20 @@ def test_renders_a_saved_track(run: Run, clip: Path, ad: Path, truth: list[np.nd
     with VideoReader(out) as reader:
         shown = [redness(f.image, truth[f.index]) > 120 for f in reader.frames()]
     assert [i for i, s in enumerate(shown) if not s] == list(LOST)
+
+
+def test_variable_frame_times_and_sound_survive(run: Run, ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
+    scene, base = Scene(), Fraction(1, 600)
+    ticks = np.cumsum([0, *np.random.default_rng(0).integers(10, 50, FRAMES - 1)])
+    times = [int(t) * base for t in ticks]
+    images = [scene.draw(corners) for corners in truth]
+    sound = tone(float(times[-1]) + 0.05)
+    clip = make_clip(tmp_path / "phone.mp4", images, times=times, time_base=base, sound=sound)
+    out = tmp_path / "out.mp4"
+    code, _, err = run(clip, ad, *quad_arguments(truth[0]), "-o", out, "--backend", "opencv", "--quiet")
+    assert code == 0, err
+    assert frame_times(out) == frame_times(clip) == times
+    assert [t for t, _ in sound_packets(out)] == [t for t, _ in sound_packets(clip)]
 
 
 @pytest.mark.parametrize("effect", ["mosaic", "blur", "outline"])
@@ -245,7 +270,7 @@ def test_a_truncated_video_is_rendered_as_far_as_it_goes(
 ) -> None:
     scene = Scene()
     images = [scene.draw(corners) for corners in truth]
-    clip = truncated(make_clip(tmp_path / "cut.mkv", images, rate=5), 0.6)
+    clip = truncated(make_clip(tmp_path / "cut.mkv", images, rate=10), 0.35)
     out = tmp_path / "out.mp4"
     code, printed, err = run(clip, ad, *quad_arguments(truth[0]), "-o", out, "--json", "--backend", "opencv", *strict)
     assert code == expected

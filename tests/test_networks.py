@@ -1,11 +1,13 @@
 """Shapes, equivariance and engines of the networks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
-from hdn.config import COMPACT
-from hdn.engine import Engine
+from hdn.config import COMPACT, PAPER
+from hdn.engine import Engine, _decode
 from hdn.polar import polar_crop, polar_points
 from hdn.residual import standardise
 from hdn.weights import Hdn
@@ -53,16 +55,46 @@ def torch_engine(network: Hdn) -> Engine:
     return Engine(network, "cpu", library="torch")
 
 
-def test_openvino_and_pytorch_agree(engine: Engine, torch_engine: Engine) -> None:
-    template, search, polar = crops(127), crops(255, 1), crops(128, 2)
-    ours, theirs = engine.encode_template(template, polar), torch_engine.encode_template(template, polar)
-    for a, b in zip(ours, theirs, strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-3 * np.abs(b).max())
-    for a, b in (
-        (engine.translation(ours[0], search), torch_engine.translation(theirs[0], search)),
-        (engine.polar(ours[1], polar), torch_engine.polar(theirs[1], polar)),
+def agree(ours: Engine, theirs: Engine) -> None:
+    """Asserts that two engines on the same networks give the same on the same crops."""
+    c = ours.config
+    template, search, polar = crops(c.template_size), crops(c.search_size, 1), crops(c.polar_size, 2)
+    kernels, their_kernels = ours.encode_template(template, polar), theirs.encode_template(template, polar)
+    for kernel, their_kernel in zip(kernels, their_kernels, strict=True):
+        np.testing.assert_allclose(kernel, their_kernel, atol=1e-3 * np.abs(their_kernel).max())
+    for shift, their_shift in (
+        (ours.translation(kernels[0], search), theirs.translation(their_kernels[0], search)),
+        (ours.polar(kernels[1], polar), theirs.polar(their_kernels[1], polar)),
     ):
-        assert (a.x, a.y, a.score) == pytest.approx((b.x, b.y, b.score), abs=0.02)
-    a, b = engine.residual(polar, crops(128, 3)), torch_engine.residual(polar, crops(128, 3))
-    np.testing.assert_allclose(a.offsets, b.offsets, atol=0.02)
-    assert a.distance_after == pytest.approx(b.distance_after, rel=0.02)
+        expected = (their_shift.x, their_shift.y, their_shift.score)
+        assert (shift.x, shift.y, shift.score) == pytest.approx(expected, abs=0.02)
+    before, after = crops(c.residual_size, 2), crops(c.residual_size, 3)
+    residual, their_residual = ours.residual(before, after), theirs.residual(before, after)
+    np.testing.assert_allclose(residual.offsets, their_residual.offsets, atol=0.02)
+    assert residual.distance_after == pytest.approx(their_residual.distance_after, rel=0.02)
+
+
+def test_a_map_without_any_score_still_decodes() -> None:
+    logits = np.stack([np.full((5, 5), 200), np.full((5, 5), -200)])[None].astype(np.float32)
+    shift = _decode(logits, np.zeros((1, 4, 5, 5), np.float32), 8)
+    assert np.isfinite([shift.x, shift.y]).all()
+    assert shift.score < 1e-6
+
+
+def test_of_four_offsets_the_first_and_third_are_read() -> None:
+    logits = np.zeros((1, 2, 5, 5), np.float32)
+    logits[0, 1, 2, 2] = 20
+    offsets = np.stack([np.full((5, 5), v, np.float32) for v in (-1, 7, 2, 7)])[None]
+    assert _decode(logits, offsets, 8).x == pytest.approx(8, abs=1)
+    assert _decode(logits, offsets, 8).y == pytest.approx(-16, abs=1)
+
+
+def test_openvino_and_pytorch_agree(engine: Engine, torch_engine: Engine) -> None:
+    agree(engine, torch_engine)
+
+
+def test_openvino_and_pytorch_agree_on_the_paper_s_networks() -> None:
+    torch.manual_seed(0)
+    # Slimmer, for time; `test_parity` has them in full.
+    slim = Hdn(replace(PAPER, channels=16, search_size=143)).eval().requires_grad_(False)
+    agree(Engine(slim, "cpu"), Engine(slim, "cpu", library="torch"))

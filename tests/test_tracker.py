@@ -81,11 +81,19 @@ def test_partly_covered_is_still_tracked_with_less_confidence(tracker: Tracker, 
     assert error(estimate.corners, scene.quad) < 3
 
 
-def test_negative_evidence_asks_for_stronger_agreement() -> None:
-    positive = Evidence(score=0.9, polar_score=0.9, residual=3, distance_ratio=0.6, agreement=0.45)
-    negative = Evidence(score=0.1, polar_score=0.1, residual=0.1, distance_ratio=1.0, agreement=0.45)
-    assert is_fix(positive)
-    assert not is_fix(negative)
+@pytest.mark.parametrize(
+    ("evidence", "fix"),
+    [
+        (Evidence(score=0.9, residual=3, distance_ratio=0.6, agreement=0.45), True),
+        (Evidence(score=0.1, residual=3, distance_ratio=0.6, agreement=0.45), False),
+        (Evidence(score=0.9, residual=0.1, distance_ratio=1.0, agreement=0.45), False),
+        (Evidence(score=0.1, residual=0.1, distance_ratio=1.0, agreement=0.95), True),
+        (Evidence(score=0.9, residual=3, distance_ratio=0.6, agreement=0.2), False),
+    ],
+    ids=["positive", "low score", "offsets pulled to zero", "negative but agreeing", "not agreeing"],
+)
+def test_negative_evidence_asks_for_stronger_agreement(evidence: Evidence, fix: bool) -> None:
+    assert is_fix(evidence) is fix
 
 
 @pytest.mark.parametrize(

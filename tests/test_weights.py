@@ -5,6 +5,7 @@ import torch
 from safetensors.torch import save_file
 
 from hdn import weights
+from hdn.config import PAPER
 from hdn.errors import InputError
 
 
@@ -14,6 +15,17 @@ def test_round_trip_is_half_precision(network: weights.Hdn, tmp_path: Path) -> N
     again = weights.load(path).state_dict()
     for name, value in network.state_dict().items():
         torch.testing.assert_close(again[name], value, atol=0, rtol=1e-3)
+
+
+def test_the_paper_s_stay_in_single_precision(tmp_path: Path) -> None:
+    path = tmp_path / "w.safetensors"
+    network = weights.Hdn(PAPER)
+    variance = torch.full((64,), 1e5)  # as of its inputs of 0..255; half precision ends at 65504
+    network.similarity.backbone.bn1.running_var.copy_(variance)
+    weights.save(network, path, {})
+    again = weights.load(path)
+    assert again.config is PAPER
+    assert torch.equal(again.similarity.backbone.bn1.running_var, variance)
 
 
 def test_shipped_weights_are_small() -> None:

@@ -1,0 +1,56 @@
+"""Ways to make any sequence harder. Every frame is treated, the first, from which a tracker learns, among them."""
+
+import cv2
+import numpy as np
+
+from ..homography import Array, from_corners, square, transform
+from ..sampling import Image
+
+DEGRADATIONS = {
+    "blur": "25 px of horizontal motion blur",
+    "dark": "gain 0.28, with noise of sigma 7",
+    "small": "shrunk to 28 % and brought back to size",
+    "skip": "every 4th frame only",
+    "bar": "a grey bar slides over the target and hides up to 70 % of it",
+}
+
+BLUR = 25  # px
+GAIN, NOISE = 0.28, 7.0  # grey levels out of 255
+SHRINK = 0.28
+SKIP = 4  # frames
+BAR, BAR_COLOUR = 0.7, (112, 108, 104)
+
+
+def degrade(frame: Image, kind: str, index: int, progress: float, corners: Array) -> Image:
+    """A frame made harder.
+
+    Args:
+        frame: RGB (H, W, 3); not changed.
+        kind: a key of DEGRADATIONS; "skip" leaves the frame as it is, since it concerns which frames there are.
+        index: the frame's, the seed of its noise.
+        progress: 0 in the first frame, 1 in the last: how far the bar has gone.
+        corners: (4, 2) the target's, px, or the last known.
+    """
+    height, width = frame.shape[:2]
+    if kind == "blur":
+        return np.asarray(cv2.blur(frame, (BLUR, 1)), np.uint8)
+    if kind == "dark":
+        noise = np.random.default_rng(index).normal(0, NOISE, frame.shape)
+        return np.clip(frame * GAIN + noise, 0, 255).astype(np.uint8)
+    if kind == "small":
+        small = cv2.resize(frame, None, fx=SHRINK, fy=SHRINK, interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
+    if kind == "bar":
+        return _behind_bar(frame, progress, corners)
+    return frame
+
+
+def _behind_bar(frame: Image, progress: float, corners: Array) -> Image:
+    """The bar enters at the target's left and leaves at its right, a little higher than the target."""
+    right = progress * (1 + BAR)
+    left, right = max(right - BAR, 0.0), min(right, 1.0)
+    bar = np.array([[left, -0.1], [right, -0.1], [right, 1.1], [left, 1.1]])
+    outline = transform(from_corners(square(1) + 0.5, corners), bar)
+    drawn = frame.copy()
+    cv2.fillConvexPoly(drawn, np.round(outline * 16).astype(np.int32), BAR_COLOUR, cv2.LINE_AA, shift=4)
+    return drawn

@@ -1,0 +1,224 @@
+"""The trackers that can be compared: ours, and peers made of OpenCV's well-known parts.
+
+A tracker takes the target with `init` and answers for each frame after with `track`. A variant is one line in TRACKERS.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple, Protocol
+
+import cv2
+import numpy as np
+
+from ..engine import Engine
+from ..errors import InputError
+from ..homography import Array, from_corners, is_convex
+from ..homography import transform as through
+from ..sampling import Image
+from ..tracker import State, Tracker
+
+
+class Answer(NamedTuple):
+    """Corners (4, 2) px, or None where the tracker has no idea, and what it says of them."""
+
+    corners: Array | None
+    state: State
+
+
+LOST = Answer(None, "lost")
+
+
+class PlanarTracker(Protocol):
+    """What runs over a sequence; frames are RGB uint8 (H, W, 3)."""
+
+    def init(self, frame: Image, quad: Array) -> None:
+        """Takes the target: its quad (4, 2), px, in the first frame. Raises InputError where it cannot be tracked."""
+
+    def track(self, frame: Image) -> Answer:
+        """Finds the target in the next frame."""
+
+
+class Hdn:
+    """Our tracker, with the shipped weights."""
+
+    def __init__(self) -> None:
+        self.tracker = Tracker(engine=_engine())
+
+    def init(self, frame: Image, quad: Array) -> None:
+        self.tracker.init(frame, quad)
+
+    def track(self, frame: Image) -> Answer:
+        estimate = self.tracker.track(frame)
+        return Answer(estimate.corners, estimate.state)
+
+
+@cache
+def _engine() -> Engine:
+    """Networks loaded once a process: loading takes longer than tracking a short clip."""
+    return Tracker().engine
+
+
+class Keypoints:
+    """Keypoints of the first frame's target matched to each frame anew (ratio test), and a robust homography.
+
+    It keeps nothing from frame to frame: it cannot drift, and never stays lost.
+    """
+
+    RATIO, TOLERANCE, MIN_INLIERS = 0.8, 3.0, 8  # of distances; px; matches
+
+    def __init__(self, detector: cv2.Feature2D, norm: int, method: int) -> None:
+        """Args: norm: cv2.NORM_*, of descriptors; method: cv2.RANSAC or cv2.USAC_*, of cv2.findHomography."""
+        self.detector, self.method = detector, method
+        self.matcher = cv2.BFMatcher(norm)
+
+    def init(self, frame: Image, quad: Array) -> None:
+        mask = np.zeros(frame.shape[:2], np.uint8)
+        cv2.fillConvexPoly(mask, np.round(quad).astype(np.int32), 255)
+        self.quad = quad
+        self.points, self.descriptors = self._detect(frame, mask)
+
+    def track(self, frame: Image) -> Answer:
+        points, descriptors = self._detect(frame)
+        if min(len(points), len(self.points)) < self.MIN_INLIERS:
+            return LOST
+        pairs = self.matcher.knnMatch(self.descriptors, descriptors, k=2)
+        good = [p[0] for p in pairs if len(p) == 2 and p[0].distance < self.RATIO * p[1].distance]
+        source = self.points[[m.queryIdx for m in good]]
+        target = points[[m.trainIdx for m in good]]
+        return _robust(self.quad, source, target, self.method, self.TOLERANCE, self.MIN_INLIERS)
+
+    def _detect(self, frame: Image, mask: Image | None = None) -> tuple[Array, np.ndarray]:
+        keypoints, descriptors = self.detector.detectAndCompute(_grey(frame), mask)
+        return np.array([k.pt for k in keypoints], np.float64).reshape(-1, 2), descriptors
+
+
+class Flow:
+    """Pyramidal Lucas-Kanade from frame to frame, checked backward, and RANSAC; errors add up."""
+
+    POINTS, TOO_FEW, MIN_INLIERS = 300, 60, 8
+    BACKWARD, TOLERANCE = 1.0, 3.0  # px
+
+    def init(self, frame: Image, quad: Array) -> None:
+        self.grey, self.corners = _grey(frame), quad
+        self.points = self._detect()
+
+    def track(self, frame: Image) -> Answer:
+        before, self.grey = self.grey, _grey(frame)
+        if len(self.points) < self.MIN_INLIERS:
+            return LOST
+        window = {"winSize": (21, 21), "maxLevel": 4}
+        there, found, _ = cv2.calcOpticalFlowPyrLK(before, self.grey, self.points, None, **window)
+        back, returned, _ = cv2.calcOpticalFlowPyrLK(self.grey, before, there, None, **window)
+        near = np.linalg.norm(back - self.points, axis=-1).ravel() < self.BACKWARD
+        good = near & (found.ravel() == 1) & (returned.ravel() == 1)
+        source, target = self.points[good].reshape(-1, 2), there[good].reshape(-1, 2)
+        answer = _robust(self.corners, source, target, cv2.RANSAC, self.TOLERANCE, self.MIN_INLIERS)
+        if answer.corners is None:
+            return LOST  # the points stay where they were: the target may come to rest there again
+        self.corners, self.points = answer.corners, target.reshape(-1, 1, 2)
+        if len(self.points) < self.TOO_FEW:
+            self.points = self._detect()
+        return answer
+
+    def _detect(self) -> np.ndarray:
+        mask = np.zeros(self.grey.shape, np.uint8)
+        cv2.fillConvexPoly(mask, np.round(self.corners).astype(np.int32), 255)
+        points = cv2.goodFeaturesToTrack(self.grey, self.POINTS, 0.01, 5, mask=mask)
+        return np.empty((0, 1, 2), np.float32) if points is None else points
+
+
+class Ecc:
+    """Enhanced correlation coefficient (Evangelidis and Psarakis, 2008): the first view aligned from the last pose."""
+
+    LONGEST = 200  # px, of the target; frames are shrunk to that
+    SMOOTHING = 1.0  # px of the shrunken frame, sigma
+    ITERATIONS, EPSILON = 40, 1e-4
+
+    def init(self, frame: Image, quad: Array) -> None:
+        sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
+        across = np.array([max(sides[0], sides[2]), max(sides[1], sides[3])])
+        whole = np.array([frame.shape[1], frame.shape[0]])
+        self.size = np.maximum(1, np.round(whole * min(1.0, self.LONGEST / across.max()))).astype(int)
+        self.scale = self.size / whole
+        w, h = (max(8, round(s)) for s in across * self.scale)
+        self.outline = np.array([[0.0, 0], [w - 1, 0], [w - 1, h - 1], [0, h - 1]])
+        self.pose = from_corners(self.outline, (quad + 0.5) * self.scale - 0.5)  # rectified template to shrunken frame
+        inward = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        self.template = cv2.warpPerspective(self._shrunk(frame), self.pose, (w, h), flags=inward)
+
+    def track(self, frame: Image) -> Answer:
+        criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, self.ITERATIONS, self.EPSILON)
+        start, image = self.pose.astype(np.float32), self._shrunk(frame)
+        try:
+            _, found = cv2.findTransformECC(self.template, image, start, cv2.MOTION_HOMOGRAPHY, criteria, None, 1)
+        except cv2.error:  # its way of saying that it did not converge
+            return LOST
+        pose = found.astype(np.float64)
+        corners = through(pose, self.outline)
+        if not (np.isfinite(corners).all() and is_convex(corners)):
+            return LOST
+        self.pose = pose
+        return Answer((corners + 0.5) / self.scale - 0.5, "tracked")
+
+    def _shrunk(self, frame: Image) -> Image:
+        """Grey, at the working size, smoothed.
+
+        OpenCV's own smoothing would take the template's edge for the image's, which shrinks the pose by half a pixel.
+        """
+        small = cv2.resize(_grey(frame), self.size.tolist(), interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.GaussianBlur(small, (0, 0), self.SMOOTHING), np.uint8)
+
+
+def _robust(quad: Array, source: Array, target: Array, method: int, tolerance: float, least: int) -> Answer:
+    """The quad (4, 2) through the homography on which enough of the matches (M, 2) agree."""
+    if len(source) < least:
+        return LOST
+    homography, inliers = cv2.findHomography(source, target, method, tolerance)
+    if homography is None or int(inliers.sum()) < least:
+        return LOST
+    corners = through(homography, quad)
+    if not (np.isfinite(corners).all() and is_convex(corners)):
+        return LOST
+    return Answer(corners, "tracked")
+
+
+def _grey(frame: Image) -> Image:
+    return np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
+
+
+def _sift() -> cv2.Feature2D:
+    return cv2.SIFT_create(nfeatures=2000)
+
+
+def _orb() -> cv2.Feature2D:
+    return cv2.ORB_create(nfeatures=2000, fastThreshold=10)
+
+
+def _akaze() -> cv2.Feature2D:
+    if not hasattr(cv2, "AKAZE_create"):
+        raise InputError(f"OpenCV {cv2.__version__} has no AKAZE: leave it out, or install OpenCV 4")
+    return cv2.AKAZE_create()
+
+
+TRACKERS: dict[str, Callable[[], PlanarTracker]] = {
+    "hdn": Hdn,
+    "sift": lambda: Keypoints(_sift(), cv2.NORM_L2, cv2.USAC_MAGSAC),
+    "sift-ransac": lambda: Keypoints(_sift(), cv2.NORM_L2, cv2.RANSAC),
+    "orb": lambda: Keypoints(_orb(), cv2.NORM_HAMMING, cv2.USAC_MAGSAC),
+    "orb-ransac": lambda: Keypoints(_orb(), cv2.NORM_HAMMING, cv2.RANSAC),
+    "akaze": lambda: Keypoints(_akaze(), cv2.NORM_HAMMING, cv2.USAC_MAGSAC),
+    "akaze-ransac": lambda: Keypoints(_akaze(), cv2.NORM_HAMMING, cv2.RANSAC),
+    "ecc": Ecc,
+    "flow": Flow,
+}
+
+
+def make_tracker(name: str) -> PlanarTracker:
+    """A tracker of TRACKERS.
+
+    Raises:
+        InputError: no such tracker, or what it is made of is not installed.
+    """
+    if name not in TRACKERS:
+        raise InputError(f"there is no tracker '{name}': choose from {', '.join(TRACKERS)}")
+    return TRACKERS[name]()

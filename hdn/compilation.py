@@ -1,0 +1,63 @@
+"""PyTorch modules to functions that OpenVINO runs on the CPU.
+
+`openvino.convert_model` does as much, but runs each module four times to convert it, which takes longer than all else
+at the tracker's start, and reports to its makers. So the modules are traced here and given to its front end.
+"""
+
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+import openvino as ov
+import torch
+from numpy.typing import NDArray
+from openvino.frontend import FrontEndManager
+from openvino.frontend.pytorch.ts_decoder import TorchScriptPythonDecoder
+from torch import Tensor, nn
+
+Floats = NDArray[np.float32]
+Function = Callable[..., list[Floats]]
+
+
+def convert(module: nn.Module, *examples: Tensor) -> ov.Model:
+    """A module in evaluation mode as an OpenVINO model; its inputs have the examples' dimensions, at any size."""
+    with torch.inference_mode(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of tracing, which OpenVINO's front end needs
+        traced = torch.jit.trace(module.eval(), examples, check_trace=False)
+    front_end = FrontEndManager().load_by_framework("pytorch")
+    decoder = TorchScriptPythonDecoder(traced, example_input=examples)  # to be kept until all is converted
+    source = front_end.load(decoder)
+    for place, example in zip(source.get_inputs(), examples, strict=True):
+        source.set_element_type(place, ov.Type.f32)
+        source.set_partial_shape(place, ov.PartialShape([-1] * example.ndim))
+    return front_end.convert(source)
+
+
+def join(backbone: ov.Model, head: ov.Model, crop_size: int, *kernels: Tensor) -> ov.Model:
+    """One model of a crop's backbone and a head on its maps.
+
+    Args:
+        head: takes the kernels, then the maps; it is used up.
+        kernels: examples of those inputs of the head that stay inputs of the whole, before the crop.
+    """
+    backbone = backbone.clone()
+    backbone.reshape([1, 3, crop_size, crop_size])
+    inputs = head.get_parameters()
+    for parameter, kernel in zip(inputs, kernels, strict=False):
+        parameter.set_partial_shape(ov.PartialShape(list(kernel.shape)))
+    for parameter, result in zip(inputs[len(kernels) :], backbone.get_results(), strict=True):
+        parameter.output(0).replace(result.input_value(0))
+    return ov.Model(head.get_results(), inputs[: len(kernels)] + backbone.get_parameters())
+
+
+def compiled(model: ov.Model) -> Function:
+    """The model as a function of arrays, in single precision."""
+    options = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
+    request = ov.Core().compile_model(model, "CPU", options).create_infer_request()
+    outputs = len(model.outputs)
+
+    def run(*inputs: Floats) -> list[Floats]:
+        request.infer(list(inputs))
+        return [request.get_output_tensor(i).data.copy() for i in range(outputs)]
+
+    return run
