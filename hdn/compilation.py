@@ -50,9 +50,11 @@ def join(backbone: ov.Model, head: ov.Model, crop_size: int, *kernels: Tensor) -
     return ov.Model(head.get_results(), inputs[: len(kernels)] + backbone.get_parameters())
 
 
-def compiled(model: ov.Model) -> Function:
-    """The model as a function of arrays, in single precision."""
-    options = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
+def compiled(model: ov.Model, threads: int | None = None) -> Function:
+    """The model as a function of arrays, in single precision, on so many threads or all there are."""
+    options: dict[str, str | int] = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
+    if threads:
+        options["INFERENCE_NUM_THREADS"] = threads
     request = ov.Core().compile_model(model, "CPU", options).create_infer_request()
     outputs = len(model.outputs)
 

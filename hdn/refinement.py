@@ -186,9 +186,10 @@ def _tukey(error: Grey) -> Grey:
 
 
 def _normalise(image: Grey, sigma: float) -> Grey:
-    """Local mean taken off and local deviation divided out, over a Gaussian neighbourhood."""
-    centred = image - cv2.GaussianBlur(image, (0, 0), sigma)
-    return np.asarray(centred / (np.sqrt(cv2.GaussianBlur(centred * centred, (0, 0), sigma)) + 2.0), np.float32)
+    """Local mean taken off and local deviation divided out, over a square neighbourhood."""
+    window = (2 * round(1.4 * sigma) + 1,) * 2
+    centred = image - cv2.blur(image, window)
+    return np.asarray(centred / (np.sqrt(cv2.blur(centred * centred, window)) + 2.0), np.float32)
 
 
 def _deviation(image: Grey, sigma: float) -> Grey:

@@ -13,6 +13,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from . import losses, weights
+from .compilation import compiled, convert
 from .config import COMPACT, Config
 from .errors import InputError
 from .homography import dlt
@@ -47,15 +48,10 @@ def frozen_features(network: SimilarityNetwork, device: torch.device) -> Feature
 
         return on_gpu
 
-    import numpy as np
-    import openvino as ov
-
-    model = ov.convert_model(network.backbone, example_input=torch.zeros(1, 3, 127, 127))
-    compiled = ov.Core().compile_model(model, "CPU", {"INFERENCE_NUM_THREADS": torch.get_num_threads()})
+    run = compiled(convert(network.backbone, torch.zeros(1, 3, 127, 127)), torch.get_num_threads())
 
     def on_cpu(crops: Tensor) -> tuple[Tensor, ...]:
-        maps = compiled(np.ascontiguousarray(crops.numpy()))
-        return tuple(torch.from_numpy(maps[i].copy()) for i in range(4))
+        return tuple(torch.from_numpy(maps) for maps in run(crops.contiguous().numpy()))
 
     return on_cpu
 
