@@ -59,6 +59,11 @@ def _run(command: Callable[[Sequence[str] | None], int], arguments: Sequence[str
     except KeyboardInterrupt:
         print("interrupted: nothing was written", file=sys.stderr)
         return INTERRUPTED
+    except Exception as error:  # ours to mend, but no reason to show a trace to somebody who cannot
+        log.debug("unexpected", exc_info=True)
+        reason = f"{type(error).__name__}: {error}".split("\n")[0]
+        print(f"error: {reason}; this should not happen: please report it with the command line", file=sys.stderr)
+        return FAILED
 
 
 def _replace(arguments: Sequence[str] | None) -> int:

@@ -313,6 +313,17 @@ def test_ctrl_c_leaves_no_broken_file(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_what_nobody_foresaw_is_one_line_too(run: Run, clip: Path, ad: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*args: object) -> None:
+        raise ZeroDivisionError("somewhere deep")
+
+    monkeypatch.setattr(cli, "replace", broken)
+    code, _, err = run(clip, ad, *quad_arguments(Scene().quad))
+    assert code == 1
+    assert err.startswith("error: ZeroDivisionError: somewhere deep")
+    assert err.count("\n") == 1
+
+
 def test_python_function_is_what_the_command_calls(
     clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path
 ) -> None:
@@ -330,7 +341,9 @@ def test_the_installed_command_stops_cleanly_on_sigint(clip: Path, ad: Path, tmp
     process = subprocess.Popen(
         [*command, clip, ad, *quad_arguments(Scene().quad), "-o", tmp_path / "o.mp4"], stderr=subprocess.PIPE, text=True
     )
-    time.sleep(4)
+    assert process.stderr is not None
+    assert "networks run on" in process.stderr.readline()  # at work, that is
+    time.sleep(0.5)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode in (0, 130)  # 0 where it was done before
