@@ -189,7 +189,8 @@ def _normalise(image: Grey, sigma: float) -> Grey:
     """Local mean taken off and local deviation divided out, over a square neighbourhood."""
     window = (2 * round(1.4 * sigma) + 1,) * 2
     centred = image - cv2.blur(image, window)
-    return np.asarray(centred / (np.sqrt(cv2.blur(centred * centred, window)) + 2.0), np.float32)
+    variance = np.maximum(cv2.blur(centred * centred, window), 0)  # running sums may round to just below zero
+    return np.asarray(centred / (np.sqrt(variance) + 2.0), np.float32)
 
 
 def _deviation(image: Grey, sigma: float) -> Grey:

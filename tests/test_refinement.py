@@ -3,6 +3,7 @@ import pytest
 
 from hdn.homography import from_corners, transform
 from hdn.refinement import Refiner
+from hdn.refinement import _normalise as normalise
 from hdn.sampling import Pyramid
 
 from .scenes import Scene, error, moved
@@ -52,3 +53,11 @@ def test_cells_outside_the_frame_do_not_count(scene: Scene) -> None:
     agreement = refiner.agreement(grey(scene.draw(truth)), from_corners(scene.quad, truth))
     assert 0 < agreement.visible.sum() < 0.9 * agreement.textured.sum()
     assert agreement.share > 0.8
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_flat_beside_busy_stays_finite(seed: int) -> None:
+    """Running sums of a strong texture round to below zero where it ends."""
+    image = np.full((160, 126), 100, np.float32)
+    image[:60] += np.random.default_rng(seed).uniform(-90, 90, (60, 126))
+    assert np.isfinite(normalise(image, 11.4)).all()
