@@ -3,14 +3,14 @@
 import argparse
 import json
 import logging
-import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from hdn.errors import InputError, RunError
+from hdn.commandline import FAILED, Parser, run
+from hdn.errors import InputError
 
 from .options import CHOICES, Moment, Options, parse_quad
 from .pipeline import replace
@@ -22,48 +22,17 @@ from .tracking import track
 
 log = logging.getLogger("ar_demo")
 
-BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
-
-
-class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, as every other error of ours is said."""
-
-    def __init__(self, prog: str, description: str, epilog: str | None = None) -> None:
-        super().__init__(prog, description=description, epilog=epilog)
-        # Corners such as -50,70 are numbers to us, and would be options to argparse.
-        self._negative_number_matcher = re.compile(r"^-\.?\d")
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see {self.prog} --help)")
+LEFT_BEHIND = "nothing was written"
 
 
 def replace_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-replace."""
-    sys.exit(_run(_replace, arguments))
+    sys.exit(run(_replace, arguments, LEFT_BEHIND))
 
 
 def track_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-track."""
-    sys.exit(_run(_track, arguments))
-
-
-def _run(command: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None) -> int:
-    try:
-        return command(arguments)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except (RunError, OSError, MemoryError) as error:
-        print(f"error: {str(error) or type(error).__name__}", file=sys.stderr)
-        return FAILED
-    except KeyboardInterrupt:
-        print("interrupted: nothing was written", file=sys.stderr)
-        return INTERRUPTED
-    except Exception as error:  # ours to mend, but no reason to show a trace to somebody who cannot
-        log.debug("unexpected", exc_info=True)
-        reason = f"{type(error).__name__}: {error}".split("\n")[0]
-        print(f"error: {reason}; this should not happen: please report it with the command line", file=sys.stderr)
-        return FAILED
+    sys.exit(run(_track, arguments, LEFT_BEHIND))
 
 
 def _replace(arguments: Sequence[str] | None) -> int:

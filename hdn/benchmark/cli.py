@@ -6,10 +6,10 @@ import sys
 from collections.abc import Sequence as Many
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import NoReturn
 
 from tqdm import tqdm
 
+from ..commandline import Parser, run
 from ..errors import InputError, RunError
 from .datasets import READERS, open_dataset
 from .degradation import DEGRADATIONS
@@ -22,35 +22,16 @@ from .trackers import TRACKERS, make_tracker
 
 log = logging.getLogger(__name__)
 
-BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
-
-
-class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, as every other error of ours is said."""
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see {self.prog} --help)")
-
 
 def main(arguments: Many[str] | None = None) -> None:
     """Entry point of hdn-eval."""
-    sys.exit(_run(arguments))
+    sys.exit(run(_command, arguments, "finished tracks are kept, the same command goes on from there"))
 
 
-def _run(arguments: Many[str] | None) -> int:
-    try:
-        options = _parser().parse_args(arguments)
-        logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING)
-        evaluate(options)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except (RunError, OSError, MemoryError) as error:
-        print(f"error: {str(error) or type(error).__name__}", file=sys.stderr)
-        return FAILED
-    except KeyboardInterrupt:
-        print("interrupted: finished tracks are kept, the same command goes on from there", file=sys.stderr)
-        return INTERRUPTED
+def _command(arguments: Many[str] | None) -> int:
+    options = _parser().parse_args(arguments)
+    logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING)
+    evaluate(options)
     return 0
 
 

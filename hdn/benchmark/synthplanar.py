@@ -12,12 +12,12 @@ import zlib
 from collections.abc import Sequence as Many
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 
 import cv2
 import numpy as np
 from tqdm import tqdm
 
+from ..commandline import Parser, run
 from ..errors import InputError, RunError
 from .synthplanar_pictures import Pictures
 from .synthplanar_render import Renderer, visible_corners
@@ -25,7 +25,6 @@ from .synthplanar_scenes import CHALLENGES, make_scene
 from .synthplanar_video import FPS, Clip
 
 VERSION = 1  # of the generator: whatever changes a sequence of a given seed raises it
-BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 
 @dataclass(frozen=True)
@@ -101,37 +100,20 @@ def generate(
     return path
 
 
-class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, as every other error of ours is said."""
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see {self.prog} --help)")
-
-
 def main(arguments: Many[str] | None = None) -> None:
     """Entry point of hdn-synthplanar."""
-    sys.exit(_run(arguments))
+    sys.exit(run(_command, arguments, "finished sequences are kept"))
 
 
-def _run(arguments: Many[str] | None) -> int:
-    try:
-        options = _parser().parse_args(arguments)
-        setting = SETTINGS[options.setting]
-        pictures = Pictures(options.textures)
-        attributes = [_attribute(name) for name in options.attributes]
-        for attribute in attributes:
-            for number in range(options.sequences):
-                frames = options.frames or setting.frames
-                print(generate(options.out, attribute, number, setting, frames, options.seed, pictures), flush=True)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except (RunError, OSError, MemoryError) as error:
-        print(f"error: {str(error) or type(error).__name__}", file=sys.stderr)
-        return FAILED
-    except KeyboardInterrupt:
-        print("interrupted: finished sequences are kept", file=sys.stderr)
-        return INTERRUPTED
+def _command(arguments: Many[str] | None) -> int:
+    options = _parser().parse_args(arguments)
+    setting = SETTINGS[options.setting]
+    pictures = Pictures(options.textures)
+    attributes = [_attribute(name) for name in options.attributes]
+    for attribute in attributes:
+        for number in range(options.sequences):
+            frames = options.frames or setting.frames
+            print(generate(options.out, attribute, number, setting, frames, options.seed, pictures), flush=True)
     return 0
 
 

@@ -1,0 +1,49 @@
+"""What all command lines share: one line per error, and the same exit statuses."""
+
+import argparse
+import logging
+import re
+import sys
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+from .errors import InputError, RunError
+
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+log = logging.getLogger(__name__)
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, as every other error of ours is said."""
+
+    def __init__(self, prog: str, description: str, epilog: str | None = None) -> None:
+        super().__init__(prog, description=description, epilog=epilog)
+        # Corners such as -50,70 are numbers to us, and would be options to argparse.
+        self._negative_number_matcher = re.compile(r"^-\.?\d")
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message} (see {self.prog} --help)")
+
+
+def run(command: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None, interrupted: str) -> int:
+    """The command's exit status; whatever it raises is said in one line on stderr.
+
+    Args: interrupted: what Ctrl-C leaves behind.
+    """
+    try:
+        return command(arguments)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except (RunError, OSError, MemoryError) as error:
+        print(f"error: {str(error) or type(error).__name__}", file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        print(f"interrupted: {interrupted}", file=sys.stderr)
+        return INTERRUPTED
+    except Exception as error:  # ours to mend, but no reason to show a trace to somebody who cannot
+        log.debug("unexpected", exc_info=True)
+        reason = f"{type(error).__name__}: {error}".split("\n")[0]
+        print(f"error: {reason}; this should not happen: please report it with the command line", file=sys.stderr)
+        return FAILED
