@@ -11,6 +11,7 @@ from . import weights
 from .engine import Engine
 from .errors import InputError
 from .homography import Array, area, from_corners, is_convex, normalised, similarity, square, transform, translation
+from .observation import Observation
 from .polar import polar_points
 from .redetection import Redetector
 from .refinement import Refiner
@@ -84,15 +85,18 @@ class Tracker:
         self.config = self.engine.config
         self._points = polar_points(self.config)
 
-    def init(self, frame: Image, quad: Array) -> None:
+    def init(self, frame: Image | Observation, quad: Array) -> None:
         """Takes the target: its quad (4, 2), px, in an RGB frame (H, W, 3).
+
+        Trackers of several targets may share one `Observation` of a frame, and what it has computed.
 
         Raises:
             InputError: the quad is not convex, too small, or not wholly inside the frame.
         """
         self.quad = np.asarray(quad, np.float64)
-        check_quad(self.quad, frame.shape[1], frame.shape[0])
-        colour, grey = Pyramid(frame), Pyramid(_grey(frame))
+        seen = _observed(frame)
+        check_quad(self.quad, *seen.colour.size)
+        colour = seen.colour
         c = self.config
 
         low, high = self.quad.min(0), self.quad.max(0)
@@ -101,29 +105,31 @@ class Tracker:
         window = float(np.sqrt((width + margin) * (height + margin)))
         self.centre = self.quad.mean(0)
         self.unit = window / c.template_size  # template px per crop px
-        self.fill = tuple(float(v) for v in frame.reshape(-1, 3)[::97].mean(0))
+        self.fill = tuple(float(v) for v in seen.image.reshape(-1, 3)[::97].mean(0))
 
         template = colour.crop(self._window(c.template_size), c.template_size, c.template_size, self.fill)
         self.kernels = self.engine.encode_template(template, self._polar_crop(template))
         view = self.quad if c.residual_rectified else self.centre + square(1) * np.sqrt(width * height)
         self.outline = from_corners(square(c.residual_size), view)  # residual crop to template
         self.residual_template = colour.crop(self.outline, c.residual_size, c.residual_size)
-        self.refiner = Refiner(grey, self.quad)
-        self.redetector = Redetector(grey, self.quad)
+        self.refiner = Refiner(seen.grey, self.quad)
+        self.redetector = Redetector(seen, self.quad)
+        self.place(np.eye(3))
 
-        self.homography = np.eye(3)
-        self.previous = np.eye(3)
+    def place(self, homography: Array) -> None:
+        """Goes on from a known pose: (3, 3), reference-frame pixels to those of the frame before the next."""
+        self.homography = self.previous = normalised(homography)
         self.missed = 0
 
-    def track(self, frame: Image) -> Estimate:
+    def track(self, frame: Image | Observation) -> Estimate:
         """Finds the target in the next RGB frame (H, W, 3)."""
-        colour, grey = Pyramid(frame), Pyramid(_grey(frame))
-        homography, evidence = self._locate(colour, grey)
+        seen = _observed(frame)
+        homography, evidence = self._locate(seen.colour, seen.grey)
         found = is_fix(evidence)
         if not found and self.missed >= 2:
-            again = self.redetector.find(grey)
+            again = self.redetector.find(seen)
             if again is not None and self._plausible(again):
-                candidate, agreement = self._refine(grey, again)
+                candidate, agreement = self._refine(seen.grey, again)
                 if agreement > FIX_WITHOUT_HDN and self._plausible(candidate):
                     homography, found = candidate, True
                     evidence = Evidence(evidence.score, evidence.polar_score, 0.0, 1.0, agreement)
@@ -255,5 +261,5 @@ def check_quad(quad: Array, width: int, height: int) -> None:
         raise InputError(f"the quad is under {MIN_SIDE} px wide or high: choose a frame where the surface is larger")
 
 
-def _grey(frame: Image) -> Image:
-    return np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
+def _observed(frame: Image | Observation) -> Observation:
+    return frame if isinstance(frame, Observation) else Observation(frame)
