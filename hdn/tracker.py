@@ -1,6 +1,6 @@
 """Tracking of one planar target: HDN, then photometric refinement, then a judgement of what was found."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +18,7 @@ from .refinement import Refiner
 from .sampling import Image, Pyramid
 
 State = Literal["tracked", "held", "lost"]
+Stage = Literal["similarity", "residual", "refinement"]
 
 MIN_SIDE = 16  # px: a smaller target shows too little to track
 HOLD_FRAMES = 20  # frames without a fix after which a held target counts as lost
@@ -71,18 +72,24 @@ class Tracker:
     """
 
     def __init__(
-        self, weights_path: Path | str | None = None, device: str = "auto", engine: Engine | None = None
+        self,
+        weights_path: Path | str | None = None,
+        device: str = "auto",
+        engine: Engine | None = None,
+        stages: frozenset[Stage] = frozenset({"similarity", "residual", "refinement"}),
     ) -> None:
         """Args:
             weights_path: safetensors file; None takes the shipped weights.
             device: 'auto', 'cpu' or 'cuda'.
             engine: networks already loaded, to be shared between trackers.
+            stages: what is done, to learn what each is worth; without refinement HDN's own evidence decides.
 
         Raises:
             InputError: weights missing or of another architecture, no such device.
         """
         self.engine = engine or Engine(weights.load(Path(weights_path or weights.shipped())), device)
         self.config = self.engine.config
+        self.stages = stages
         self._points = polar_points(self.config)
 
     def init(self, frame: Image | Observation, quad: Array) -> None:
@@ -121,6 +128,14 @@ class Tracker:
         self.homography = self.previous = normalised(homography)
         self.missed = 0
 
+    def lose(self) -> None:
+        """Counts the target as lost, as after a cut: the next frame is searched as a whole."""
+        self.missed = HOLD_FRAMES
+
+    def propose(self, frame: Observation) -> tuple[Array, Evidence]:
+        """HDN's three stages from the last pose, and no more: (3, 3) reference frame to this one, and their evidence."""
+        return self._hdn(frame.colour, self.homography)
+
     def track(self, frame: Image | Observation) -> Estimate:
         """Finds the target in the next RGB frame (H, W, 3)."""
         seen = _observed(frame)
@@ -132,7 +147,7 @@ class Tracker:
                 candidate, agreement = self._refine(seen.grey, again)
                 if agreement > FIX_WITHOUT_HDN and self._plausible(candidate):
                     homography, found = candidate, True
-                    evidence = Evidence(evidence.score, evidence.polar_score, 0.0, 1.0, agreement)
+                    evidence = replace(evidence, residual=0.0, distance_ratio=1.0, agreement=agreement)
         if found:
             self.previous = self.homography if self.missed == 0 else homography
             self.homography, self.missed = homography, 0
@@ -146,6 +161,9 @@ class Tracker:
     def _locate(self, colour: Pyramid, grey: Pyramid) -> tuple[Array, Evidence]:
         """HDN's three stages from the last pose, refined; where that does not convince, refinement alone."""
         homography, evidence = self._hdn(colour, self.homography)
+        if "refinement" not in self.stages:
+            found = evidence.score >= TRUSTED_SCORE or "similarity" not in self.stages
+            return homography, replace(evidence, agreement=float(found))
         best, agreement = self._refine(grey, homography)
         if agreement < FIX and evidence.score >= TRUSTED_SCORE:
             # A large motion is found in two goes: the second starts where the first came to.
@@ -162,12 +180,20 @@ class Tracker:
                     break
         if not self._plausible(best):
             agreement = 0.0
-        return best, Evidence(
-            evidence.score, evidence.polar_score, evidence.residual, evidence.distance_ratio, agreement
-        )
+        return best, replace(evidence, agreement=agreement)
 
     def _hdn(self, colour: Pyramid, start: Array) -> tuple[Array, Evidence]:
         """H_start . H_similarity . H_residual (paper, eq. 1 and 2)."""
+        homography, evidence = start, Evidence(1.0, 1.0)
+        if "similarity" in self.stages:
+            homography, evidence = self._similarity(colour, homography)
+        if "residual" in self.stages:
+            homography, length, ratio = self._residual(colour, homography)
+            evidence = replace(evidence, residual=length, distance_ratio=ratio)
+        return normalised(homography), evidence
+
+    def _similarity(self, colour: Pyramid, start: Array) -> tuple[Array, Evidence]:
+        """Translation, then rotation and scale on a log-polar crop about where it led."""
         c = self.config
         n = c.search_size
         search = colour.crop(start @ self._window(n), n, n, self.fill)
@@ -183,17 +209,20 @@ class Tracker:
         rotation = polar.y * c.radians_per_pixel if trusted else 0.0
         to_centre = translation(*self.centre)
         moved = similarity(scale, rotation, *(at * self.unit))
-        homography = start @ to_centre @ moved @ np.linalg.inv(to_centre)
+        return start @ to_centre @ moved @ np.linalg.inv(to_centre), Evidence(shift.score, polar.score)
 
-        crop = colour.crop(homography @ self.outline, c.residual_size, c.residual_size)
+    def _residual(self, colour: Pyramid, start: Array) -> tuple[Array, float, float]:
+        """Corner offsets of what is left; also their mean length, px of the crop, and how far they close the gap."""
+        c = self.config
+        crop = colour.crop(start @ self.outline, c.residual_size, c.residual_size)
         residual = self.engine.residual(self.residual_template, crop)
         ratio = residual.distance_after / max(residual.distance_before, 1e-6)
         corners = square(c.residual_size)
-        if ratio < 1 and is_convex(corners + residual.offsets):
-            step = from_corners(corners, corners + residual.offsets)
-            homography = homography @ self.outline @ step @ np.linalg.inv(self.outline)
         length = float(np.linalg.norm(residual.offsets, axis=1).mean())
-        return normalised(homography), Evidence(shift.score, polar.score, length, ratio)
+        if ratio >= 1 or not is_convex(corners + residual.offsets):
+            return start, length, ratio
+        step = from_corners(corners, corners + residual.offsets)
+        return start @ self.outline @ step @ np.linalg.inv(self.outline), length, ratio
 
     def _refine(self, grey: Pyramid, start: Array) -> tuple[Array, float]:
         homography = self.refiner.align(grey, start)
