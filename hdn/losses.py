@@ -80,3 +80,20 @@ def triplet_loss(search: Tensor, warped: Tensor, template: Tensor, margin: float
     """L_Lambda+*: E(search) shall be nearer to E(warped template) than to E(template), maps (B, 1, m, m), per pixel."""
     nearer, farther = (search - warped).norm(dim=1), (search - template).norm(dim=1)
     return F.relu(nearer - farther + margin).mean() if len(search) else search.sum() * 0
+
+
+def matching_loss(probability: Tensor, target: Tensor, seen: Tensor, cells: int) -> Tensor:
+    """Cross-entropy of where points are found, their truth shared among the four cells around it.
+
+    Args:
+        probability: (B, M, cells * cells).
+        target: (B, M, 2) true places in cells, x first.
+        seen: (B, M) bool, what counts.
+    """
+    low = target.floor()
+    right, down = (target - low).unbind(2)
+    share = torch.stack([(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down], 2)
+    around = low[:, :, None] + torch.tensor([[0.0, 0], [1, 0], [0, 1], [1, 1]]).to(low)  # (B, M, 4, 2)
+    x, y = around.clamp(0, cells - 1).long().unbind(3)
+    entropy = -(share * probability.gather(2, y * cells + x).clamp_min(1e-9).log()).sum(2)
+    return (entropy * seen).sum() / seen.sum().clamp_min(1)

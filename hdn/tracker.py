@@ -133,7 +133,7 @@ class Tracker:
         self.missed = HOLD_FRAMES
 
     def propose(self, frame: Observation) -> tuple[Array, Evidence]:
-        """HDN's three stages from the last pose, and no more: (3, 3) reference frame to this one, and their evidence."""
+        """HDN's three stages from the last pose, and no more: (3, 3) reference frame to this one, with evidence."""
         return self._hdn(frame.colour, self.homography)
 
     def track(self, frame: Image | Observation) -> Estimate:
