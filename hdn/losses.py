@@ -45,6 +45,13 @@ def classification_loss(probability: Tensor, label: Tensor, threshold: float = 0
     return loss
 
 
+def peak_loss(score: Tensor, target: Tensor, positive: Tensor) -> Tensor:
+    """Cross-entropy of where the peak of maps (B, n, n) of logits is, their truth (B, 2) in cells shared among four."""
+    b, n, _ = score.shape
+    probability = score.reshape(b, 1, n * n).softmax(2)
+    return matching_loss(probability, target[:, None], positive[:, None], n)
+
+
 def polar_labels(points: Tensor, truth: Tensor, stride: int) -> Tensor:
     """Labels (B, n, n) of the log-polar map: 1 at the truth (B, 2) px, 0 off it, -1 between, where nothing counts."""
     distance = (points[None] - truth[:, None, None]).norm(dim=-1) / stride

@@ -145,8 +145,11 @@ def random_photos(photos: Photos, batch: int) -> Tensor:
     return torch.randint(len(photos), (batch,), device=photos.device)
 
 
-def occlude(photos: Photos, crops: Tensor, share: float) -> tuple[Tensor, Tensor]:
+def occlude(photos: Photos, crops: Tensor, share: float, about: Tensor, extent: float) -> tuple[Tensor, Tensor]:
     """Lays a quad over a share of the crops (B, 3, n, n): patches to wide bars, of a photograph or of one colour.
+
+    Args:
+        about: (B, 2) where the targets are, px from the crops' centres; extent: how wide they are, px.
 
     Returns:
         The crops, and masks (B, 1, n, n) of what is hidden.
@@ -157,14 +160,16 @@ def occlude(photos: Photos, crops: Tensor, share: float) -> tuple[Tensor, Tensor
     if not len(rows):
         return crops, hidden
     b = len(rows)
-    half = (uniform((b, 2), float(np.log(0.06)), float(np.log(0.6)), device)).exp() * size
-    angle = uniform(b, 0, np.pi, device)
+    half = uniform((b, 2), float(np.log(0.06)), float(np.log(0.6)), device).exp() * extent
+    angle = uniform(b, 0, 2 * np.pi, device)
     axes = torch.stack([angle.cos(), angle.sin()], 1)
     across = torch.stack([-axes[:, 1], axes[:, 0]], 1)
     sign = torch.tensor([[-1.0, -1], [1, -1], [1, 1], [-1, 1]], device=device)
     quad = sign[None, :, :1] * (axes * half[:, :1])[:, None] + sign[None, :, 1:] * (across * half[:, 1:])[:, None]
-    # Large ones lie further off, so that something is left to see.
-    quad = quad + uniform((b, 1, 2), -1, 1, device) * (0.15 * size + half.amin(1)[:, None, None])
+    # Its near edge may cross the target's middle, but leaves a fifth of it to see.
+    near = uniform((b, 1), -0.3, 0.5, device) * extent + half[:, :1]
+    centre = about[rows] + axes * near + across * uniform((b, 1), -0.4, 0.4, device) * extent
+    quad = quad + centre[:, None]
     grid = pixel_grid(size, device).expand(b, -1, -1)
     other = photos.sample(random_photos(photos, b), placed(random_view(b, device, 0.4, 1.6)), size)
     plain = uniform((b, 3, 1, 1), 0, 1, device)
@@ -292,8 +297,8 @@ def similarity_batch(
 
     positive = torch.rand(batch, device=device) >= negatives
     search = torch.where(positive[:, None, None, None], search, search.roll(1, 0))
-    search, _ = occlude(photos, search, occluded)
-    search, _ = cut_by_border(search, 0.1)
+    search, _ = occlude(photos, search, occluded, motion.shift, template_size / 2)
+    search, _ = cut_by_border(search, 0.1 if occluded else 0.0)
     search = relight(coarsen(blur(search, 0.25, 15), 0.2))
     template = relight(coarsen(blur(template, 0.05, 7), 0.1), 0.6)
     return SimilarityBatch(template * 255, search * 255, half, motion, positive)
@@ -337,7 +342,7 @@ def residual_batch(
 
     positive = torch.rand(batch, device=device) >= negatives
     search = torch.where(positive[:, None, None, None], search, search.roll(1, 0))
-    search, hidden = occlude(photos, search, occluded)
+    search, hidden = occlude(photos, search, occluded, offsets.mean(1), size)
     search, beyond = cut_by_border(search, 0.1 if occluded else 0.0)
     search = relight(coarsen(blur(search, 0.25, 15), 0.2))
     template = relight(coarsen(blur(template, 0.05, 7), 0.1), 0.6)

@@ -86,6 +86,9 @@ def similarity_loss(config: Config, outputs: tuple[Tensor, ...], batch: Similari
     probability = logits.softmax(1)[:, 1]
     near = (points - motion.shift[:, None, None]).norm(dim=-1) < 2 * config.stride
     loss = losses.classification_loss(probability, label)
+    loss = loss + losses.peak_loss(
+        logits[:, 1] - logits[:, 0], (motion.shift - points[0, 0]) / config.stride, batch.positive
+    )
     loss = loss + losses.offset_loss(offsets, points, motion.shift, near & positive, config.stride)
 
     truth = polar_truth(config, batch)
@@ -256,7 +259,7 @@ def train(
     def loss_of_a_batch() -> Tensor:
         if component == "similarity":
             batch = similarity_batch(photos, batch_size, config.template_size, search_size, config.context)
-            return similarity_loss(config, similarity_outputs(similarity, features, batch, points, 2.0), batch)
+            return similarity_loss(config, similarity_outputs(similarity, features, batch, points, 3.0), batch)
         return residual_loss(residual, residual_batch(photos, batch_size, config.residual_size, reach=16, occluded=0.4))
 
     def validation() -> str:
