@@ -152,7 +152,7 @@ class ResidualNetwork(nn.Module):
 
 @functools.lru_cache
 def geometry(size: int, device: torch.device) -> tuple[Tensor, Tensor, Tensor]:
-    """Points looked up (m * m, 2) and cells looked in (n * n, 2), px from the crop's centre; -1e4 where too far apart."""
+    """Points looked up (m * m, 2) and cells looked in (n * n, 2), px from the crop's centre; -1e4 where too far off."""
     r = torch.arange(0, size, STRIDE, dtype=torch.float32, device=device) - (size - 1) / 2
     y, x = torch.meshgrid(r, r, indexing="ij")
     cells = torch.stack([x, y], -1)
