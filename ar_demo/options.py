@@ -76,22 +76,76 @@ def parse_quad(points: list[str] | str | Quad | list[list[float]]) -> Quad:
 
 
 @dataclass(frozen=True)
-class Options:
-    """How to track and render. Every field has the command-line option of the same name.
+class Keyframe:
+    """Corners given by hand: the track passes through them.
+
+    Attributes:
+        at: the frame, another one than the reference frame.
+        corners: (4, 2) px, in the order of the quad; they may lie outside the frame.
+    """
+
+    at: Moment
+    corners: Quad
+
+    @classmethod
+    def parse(cls, text: str) -> "Keyframe":
+        """Reads 'FRAME:x,y,x,y,x,y,x,y', where FRAME is a number or a time as of `Moment.parse`.
+
+        Raises:
+            InputError: not of this form, or corners that are no quad.
+        """
+        moment, _, corners = text.rpartition(":")
+        numbers = corners.split(",")
+        if not moment or len(numbers) != 8:
+            raise InputError(f"keyframe '{text}' is not FRAME:x,y,x,y,x,y,x,y: give a frame and its four corners")
+        return cls(Moment.parse(moment), parse_quad([",".join(numbers[i : i + 2]) for i in range(0, 8, 2)]))
+
+
+@dataclass(frozen=True)
+class Placing:
+    """One surface: where it is, and how the ad lies on it.
 
     Attributes:
         quad: (4, 2) the surface's corners in the reference frame, px; top-left, top-right, bottom-right, bottom-left of
             the ad as it shall appear. Needed to track, not to render a track.
         start: the reference frame; tracking runs forward and backward from it.
-        end: the last frame; later ones are left out of track and output.
+        keyframes: corners in other frames, where tracking went wrong.
         fit: how the ad's shape is brought to the surface's.
         playback: what a moving ad does when it is over: start again, hold its last frame, or go.
         opacity: 0..1.
         feather: px of the frame over which the ad's edge fades.
-        audio: whose sound the output has.
-        smooth: 0 off; 1 by the noise that the track shows; more is stronger.
         lost: what the ad does while the surface is lost.
         effect: what is drawn; all but 'replace' need no ad.
+    """
+
+    quad: Quad | None = None
+    start: Moment = field(default_factory=lambda: Moment(frame=0))
+    keyframes: tuple[Keyframe, ...] = ()
+    fit: Fit = "stretch"
+    playback: Playback = "loop"
+    opacity: float = 1.0
+    feather: float = 0.0
+    lost: Lost = "fade"
+    effect: Effect = "replace"
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that is not allowed."""
+        for name, choices in CHOICES.items():
+            if hasattr(self, name) and getattr(self, name) not in choices:
+                raise InputError(f"{name} '{getattr(self, name)}' is unknown: choose {', '.join(choices)}")
+        if not 0 <= self.opacity <= 1:
+            raise InputError(f"opacity {self.opacity} is out of range: give 0 to 1")
+        check_not_negative("feather", self.feather)
+
+
+@dataclass(frozen=True)
+class Options(Placing):
+    """How to track and render. Every field has the command-line option of the same name.
+
+    Attributes, beside those of a `Placing`:
+        end: the last frame; later ones are left out of track and output.
+        audio: whose sound the output has.
+        smooth: 0 off; 1 by the noise that the track shows; more is stronger.
         backend: what composites.
         device: what runs the networks.
         weights: another weights file.
@@ -100,17 +154,9 @@ class Options:
         overwrite: whether an existing output may be replaced.
     """
 
-    quad: Quad | None = None
-    start: Moment = field(default_factory=lambda: Moment(frame=0))
     end: Moment = field(default_factory=Moment)
-    fit: Fit = "stretch"
-    playback: Playback = "loop"
-    opacity: float = 1.0
-    feather: float = 0.0
     audio: AudioMode = "source"
     smooth: float = 1.0
-    lost: Lost = "fade"
-    effect: Effect = "replace"
     backend: Backend = "auto"
     device: Device = "auto"
     weights: Path | None = None
@@ -120,17 +166,16 @@ class Options:
 
     def __post_init__(self) -> None:
         """Raises InputError for a value that is not allowed."""
-        for name, choices in CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise InputError(f"{name} '{getattr(self, name)}' is unknown: choose {', '.join(choices)}")
-        if not 0 <= self.opacity <= 1:
-            raise InputError(f"opacity {self.opacity} is out of range: give 0 to 1")
-        for name in ("feather", "smooth"):
-            value = getattr(self, name)
-            if not 0 <= value < np.inf:
-                raise InputError(f"{name} {value} is out of range: give 0 or more")
+        super().__post_init__()
+        check_not_negative("smooth", self.smooth)
         if self.crf is not None and not 0 <= self.crf <= 63:
             raise InputError(f"crf {self.crf} is out of range: give 0 (best) to 51, or to 63 for VP9 and AV1")
+
+
+def check_not_negative(name: str, value: float) -> None:
+    """Raises InputError for a negative, infinite or undefined value."""
+    if not 0 <= value < np.inf:
+        raise InputError(f"{name} {value} is out of range: give 0 or more")
 
 
 CHOICES: dict[str, tuple[str, ...]] = {

@@ -42,6 +42,8 @@ class Track:
         corners: (N, 4, 2) px; NaN where there is no pose.
         states: N of 'tracked', 'held', 'lost'.
         confidence: (N,) 0..1.
+        keyframes: corners (4, 2) given by hand, by the frame's index; the track passes through them.
+        cuts: indices of frames that begin another shot than the one before them.
     """
 
     source: Source
@@ -52,6 +54,8 @@ class Track:
     states: list[State]
     confidence: Array
     warnings: list[str] = field(default_factory=list)
+    keyframes: dict[int, Array] = field(default_factory=dict)
+    cuts: list[int] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.states)
@@ -66,6 +70,11 @@ class Track:
     def known(self) -> NDArray[np.bool_]:
         """(N,) whether a frame has a pose."""
         return np.asarray(np.isfinite(self.corners).all((1, 2)))
+
+    @property
+    def given(self) -> dict[int, Array]:
+        """Corners (4, 2) that are not measured but given: those of the reference frame and of the keyframes."""
+        return {self.reference_frame: self.quad, **self.keyframes}
 
     def homography(self, index: int) -> Array | None:
         """Reference-frame pixels to those of frame `index`, (3, 3); None where there is no pose."""
@@ -96,6 +105,8 @@ class Track:
             "source": {"path": s.path, "width": s.width, "height": s.height, "fps": str(s.fps), "frames": s.frames},
             "reference_frame": self.reference_frame,
             "quad": self.quad.tolist(),
+            "keyframes": [{"frame": i, "corners": self.keyframes[i].tolist()} for i in sorted(self.keyframes)],
+            "cuts": self.cuts,
             "frames": frames,
         }
         path = Path(path)
@@ -154,8 +165,11 @@ def _parse(content: dict[str, Any]) -> Track:
     nothing = np.full((4, 2), np.nan)
     corners = np.array([nothing if f["corners"] is None else f["corners"] for f in frames], np.float64)
     quad = np.array(content["quad"], np.float64)
-    if quad.shape != (4, 2) or corners.shape != (len(frames), 4, 2):
+    keyframes = {int(k["frame"]): np.array(k["corners"], np.float64) for k in content.get("keyframes", [])}
+    if {quad.shape, *(k.shape for k in keyframes.values())} != {(4, 2)} or corners.shape != (len(frames), 4, 2):
         raise ValueError("a quad without exactly four corners")
+    if beyond := [k for k in keyframes if not 0 <= k < len(frames)]:
+        raise ValueError(f"keyframe at frame {beyond[0]}, where there are {len(frames)} frames")
     return Track(
         Source(source["path"], int(source["width"]), int(source["height"]), Fraction(source["fps"]), source["frames"]),
         int(content["reference_frame"]),
@@ -164,4 +178,6 @@ def _parse(content: dict[str, Any]) -> Track:
         corners,
         [f["state"] for f in frames],
         np.array([f["confidence"] for f in frames], np.float64),
+        keyframes=keyframes,
+        cuts=[int(c) for c in content.get("cuts", [])],
     )

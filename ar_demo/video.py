@@ -116,8 +116,8 @@ class VideoReader:
         if waiting is not None and waiting.index >= start and (stop is None or waiting.index < stop):
             yield self._finish(waiting, to_rgb)
 
-    def backward(self, stop: int) -> Iterator[Frame]:
-        """Frames stop - 1, stop - 2 ... 0, the same as reading forward and reversing, in bounded memory."""
+    def backward(self, stop: int, start: int = 0) -> Iterator[Frame]:
+        """Frames stop - 1, stop - 2 ... start, the same as reading forward and reversing, in bounded memory."""
         if stop >= len(self._times) and not self._complete:
             for _ in self._decode(stop + 1):  # one more tells how long the last one lasts
                 pass
@@ -125,12 +125,12 @@ class VideoReader:
         to_rgb = color.ToRGB()
         bytes_each = self.info.width * self.info.height * 3 // 2  # 8 bit 4:2:0; others take more, but not much
         size = max(1, BACKWARD_BYTES // bytes_each)
-        while stop > 0:
-            start = max(0, stop - size)
-            chunk = list(self._decode_range(start, stop))
+        while stop > start:
+            first = max(start, stop - size)
+            chunk = list(self._decode_range(first, stop))
             while chunk:
                 yield self._finish(chunk.pop(), to_rgb)
-            stop = start
+            stop = first
 
     # ---- inside ----
 

@@ -48,23 +48,28 @@ class Track:
 
 @dataclass(frozen=True)
 class Job:
-    """One tracker on one sequence, and the file for its track."""
+    """One tracker on one sequence, and the file for its track.
+
+    weights: of ours; None for a peer. made_by: the code and weights that make the track, see `identity.made_by`.
+    """
 
     sequence: Sequence
     tracker: str
     path: Path
+    weights: Path | None = None
+    made_by: str = ""
 
     @property
     def title(self) -> str:
         return f"{self.tracker} on {self.sequence.dataset}/{self.sequence.name}"
 
     def load(self) -> Track | None:
-        """The track, if it is there and was made of just these frames."""
+        """The track, if it is there and was made of just these frames by just this code and these weights."""
         try:
             data = json.loads(self.path.read_text(encoding="utf-8"))
         except (FileNotFoundError, json.JSONDecodeError):
             return None
-        if data["of"] != self._identity():
+        if data["of"] != self.identity:
             return None
         corners = [np.full((4, 2), np.nan) if c is None else np.array(c, np.float64) for c in data["corners"]]
         return Track(np.stack(corners), tuple(data["states"]), np.array(data["seconds"]))
@@ -73,7 +78,7 @@ class Job:
         """Writes the track; it appears under its name only when it is complete."""
         corners = [None if np.isnan(c).any() else np.round(c, 4).tolist() for c in track.corners]
         data = {
-            "of": self._identity(),
+            "of": self.identity,
             "corners": corners,
             "states": list(track.states),
             "seconds": np.round(track.seconds, 6).tolist(),
@@ -83,9 +88,13 @@ class Job:
         partial.write_text(json.dumps(data), encoding="utf-8")
         partial.replace(self.path)
 
-    def _identity(self) -> dict[str, object]:
+    @property
+    def identity(self) -> dict[str, object]:
+        """What the track is made of and by, as JSON."""
         s = self.sequence
         return {
+            "made by": self.made_by,
+            "bytes": s.source.stat().st_size if isinstance(s.source, Path) else len(s.source),
             "dataset": s.dataset,
             "sequence": s.name,
             "tracker": self.tracker,
@@ -104,7 +113,7 @@ def run(job: Job) -> Track:
         InputError: the frames cannot be read, or there are fewer than two.
         RunError: the tracker failed.
     """
-    sequence, tracker = job.sequence, make_tracker(job.tracker)
+    sequence, tracker = job.sequence, make_tracker(job.tracker, job.weights)
     frames = sequence.frames()
     first = next(frames, None)
     if first is None:

@@ -1,21 +1,27 @@
 """The trackers that can be compared: ours, and peers made of OpenCV's well-known parts.
 
-A tracker takes the target with `init` and answers for each frame after with `track`. A variant is one line in TRACKERS.
+A tracker takes the target with `init` and answers for each frame after with `track`. A variant is one line in OURS or
+in PEERS.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
 
+from .. import weights
+from ..config import COMPACT, PAPER
 from ..engine import Engine
 from ..errors import InputError
 from ..homography import Array, from_corners, is_convex
 from ..homography import transform as through
+from ..observation import Observation
+from ..reference import ReferenceTracker
 from ..sampling import Image
-from ..tracker import State, Tracker
+from ..tracker import TRUSTED_SCORE, Stage, State, Tracker
 
 
 class Answer(NamedTuple):
@@ -39,10 +45,10 @@ class PlanarTracker(Protocol):
 
 
 class Hdn:
-    """Our tracker, with the shipped weights."""
+    """Our whole tracker."""
 
-    def __init__(self) -> None:
-        self.tracker = Tracker(engine=_engine())
+    def __init__(self, engine: Engine) -> None:
+        self.tracker = Tracker(engine=engine)
 
     def init(self, frame: Image, quad: Array) -> None:
         self.tracker.init(frame, quad)
@@ -52,10 +58,47 @@ class Hdn:
         return Answer(estimate.corners, estimate.state)
 
 
+class Stages:
+    """Some of HDN's stages and nothing of ours: no refinement, no second start, no search for what is lost.
+
+    As in the paper, errors add up. Scores alone judge; without the similarity stage there are none.
+    """
+
+    def __init__(self, engine: Engine, *stages: Stage) -> None:
+        self.tracker = Tracker(engine=engine, stages=frozenset(stages))
+
+    def init(self, frame: Image, quad: Array) -> None:
+        self.tracker.init(frame, quad)
+        self.corners = quad
+
+    def track(self, frame: Image) -> Answer:
+        homography, evidence = self.tracker.propose(Observation(frame))
+        corners = through(homography, self.tracker.quad)
+        if not (np.isfinite(corners).all() and is_convex(corners)):
+            return Answer(self.corners, "held")  # nowhere to go on from
+        self.tracker.place(homography)
+        self.corners = corners
+        return Answer(corners, "tracked" if evidence.score >= TRUSTED_SCORE else "held")
+
+
+class Authors:
+    """The authors' released tracker, which never says that it has lost the target."""
+
+    def __init__(self, path: Path) -> None:
+        self.tracker = ReferenceTracker(weights.load(path))
+
+    def init(self, frame: Image, quad: Array) -> None:
+        self.quad = quad
+        self.tracker.init(frame, quad)
+
+    def track(self, frame: Image) -> Answer:
+        return Answer(through(self.tracker.track(frame), self.quad), "tracked")
+
+
 @cache
-def _engine() -> Engine:
+def _engine(path: Path) -> Engine:
     """Networks loaded once a process: loading takes longer than tracking a short clip."""
-    return Tracker().engine
+    return Tracker(path).engine
 
 
 class Keypoints:
@@ -200,8 +243,23 @@ def _akaze() -> cv2.Feature2D:
     return cv2.AKAZE_create()
 
 
-TRACKERS: dict[str, Callable[[], PlanarTracker]] = {
-    "hdn": Hdn,
+class Ours(NamedTuple):
+    """One of ours: the configuration whose weights it takes, and how it is made of a file of them."""
+
+    config: str
+    make: Callable[[Path], PlanarTracker]
+
+
+OURS: dict[str, Ours] = {
+    "hdn": Ours(COMPACT.name, lambda path: Hdn(_engine(path))),
+    "hdn-raw": Ours(COMPACT.name, lambda path: Stages(_engine(path), "similarity", "residual")),
+    "hdn-similarity": Ours(COMPACT.name, lambda path: Stages(_engine(path), "similarity")),
+    "hdn-residual": Ours(COMPACT.name, lambda path: Stages(_engine(path), "residual")),
+    "hdn-paper": Ours(PAPER.name, lambda path: Hdn(_engine(path))),
+    "hdn-authors": Ours(PAPER.name, Authors),
+}
+
+PEERS: dict[str, Callable[[], PlanarTracker]] = {
     "sift": lambda: Keypoints(_sift(), cv2.NORM_L2, cv2.USAC_MAGSAC),
     "sift-ransac": lambda: Keypoints(_sift(), cv2.NORM_L2, cv2.RANSAC),
     "orb": lambda: Keypoints(_orb(), cv2.NORM_HAMMING, cv2.USAC_MAGSAC),
@@ -212,13 +270,47 @@ TRACKERS: dict[str, Callable[[], PlanarTracker]] = {
     "flow": Flow,
 }
 
+TRACKERS = (*OURS, *PEERS)
 
-def make_tracker(name: str) -> PlanarTracker:
-    """A tracker of TRACKERS.
+
+def weights_of(name: str, files: Sequence[Path]) -> Path | None:
+    """The weights that a tracker takes: of the files given, the one of its configuration, else the shipped one.
+
+    None for a peer, which takes none.
 
     Raises:
-        InputError: no such tracker, or what it is made of is not installed.
+        InputError: a file is no weights file, or the tracker's configuration ships without weights and none is given.
     """
-    if name not in TRACKERS:
-        raise InputError(f"there is no tracker '{name}': choose from {', '.join(TRACKERS)}")
-    return TRACKERS[name]()
+    return _weights_of_ours(name, files) if name in OURS else None
+
+
+def make_tracker(name: str, path: Path | None = None) -> PlanarTracker:
+    """A tracker of TRACKERS.
+
+    Args: path: its weights, see `weights_of`; None takes the shipped ones.
+
+    Raises:
+        InputError: no such tracker, or what it is made of is not there.
+    """
+    if name in PEERS:
+        return PEERS[name]()
+    if name in OURS:
+        return OURS[name].make(path or _weights_of_ours(name, ()))
+    raise InputError(f"there is no tracker '{name}': choose from {', '.join(TRACKERS)}")
+
+
+def _weights_of_ours(name: str, files: Sequence[Path]) -> Path:
+    wanted = OURS[name].config
+    for path in files:
+        if _configuration(path) == wanted:
+            return path
+    if wanted != COMPACT.name:
+        raise InputError(
+            f"{name} needs weights of the configuration '{wanted}': give a file of hdn-import's by --weights"
+        )
+    return weights.shipped()
+
+
+@cache
+def _configuration(path: Path) -> str:
+    return weights.load(path).config.name
