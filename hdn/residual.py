@@ -16,7 +16,6 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from .config import Config
-from .homography import dlt, square
 
 STRIDE = 4  # of the descriptors
 CELL = 8  # px between the points that are looked up
@@ -71,7 +70,7 @@ class Matches:
 
 
 class ResidualNetwork(nn.Module):
-    """Standardised template and search crops (B, 1, n, n) to corner offsets (B, 4, 2) in crop pixels.
+    """Template and search crops, RGB (B, 3, n, n), to corner offsets (B, 4, 2) in crop pixels.
 
     Offsets go from the crop's corners (top-left, top-right, bottom-right, bottom-left) to where the target's corners
     lie in the search crop.
@@ -84,11 +83,20 @@ class ResidualNetwork(nn.Module):
         self.sharpness = nn.Parameter(torch.tensor(0.2))
         # From what the look-up of each point gave, and its neighbours', to corrections, weight and visibility.
         self.judge = nn.Sequential(_conv(6, 32), _conv(32, 32), _conv(32, 32), nn.Conv2d(32, 4, 1))
-        self.corners = torch.from_numpy(square(config.residual_size))
 
-    def prepare(self, crops: Tensor) -> Tensor:
-        """RGB (B, 3, n, n), 0..255, to grey (B, 1, n, n), standardised."""
-        return standardise(crops)
+    def describe(self, crops: Tensor) -> Tensor:
+        """RGB crops (B, 3, n, n) to descriptors (B, C, n / 4, n / 4)."""
+        return self.extractor(standardise(crops))
+
+    def compare(self, template: Tensor, crops: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Descriptors of the template and RGB search crops to what `conclude` takes."""
+        matches = self.match(template, self.describe(crops))
+        return matches.displacement, matches.weight, matches.visible
+
+    def conclude(self, displacement: Tensor, weight: Tensor, visible: Tensor) -> tuple[Tensor, Tensor]:
+        """Offsets (B, 4, 2) px of the corners, and the probability (B, m, m) that each part of the target is seen."""
+        m = self.size // CELL
+        return self.fit(displacement, weight), visible.sigmoid().reshape(-1, m, m)
 
     def match(self, template: Tensor, search: Tensor) -> Matches:
         """Descriptors of both crops, each (B, C, n / 4, n / 4), to matches."""
@@ -144,10 +152,6 @@ class ResidualNetwork(nn.Module):
         corners = F.pad(torch.tensor([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]), (0, 1), value=1.0).to(matrix)
         moved = corners @ matrix.transpose(1, 2)
         return (moved[..., :2] / moved[..., 2:].clamp_min(0.1) - corners[:, :2]) * half
-
-    def homography(self, offsets: Tensor) -> Tensor:
-        """Offsets (B, 4, 2) to homographies (B, 3, 3), pixels of the template crop to those of the search crop."""
-        return dlt(offsets, self.corners)
 
 
 @functools.lru_cache

@@ -31,14 +31,14 @@ class Evidence:
     Attributes:
         score, polar_score: classification scores of the two similarity branches, 0..1.
         residual: mean length of the residual's corner offsets, px of its crop; negatives pull it to zero.
-        distance_ratio: feature distance after the residual warp by that before; near 1 where it does not fall.
+        visible: share of the target that the residual component sees; negatives pull it to zero too.
         agreement: share of the target's visible cells that agree with the template after refinement, 0..1.
     """
 
     score: float = 0.0
     polar_score: float = 0.0
     residual: float = 0.0
-    distance_ratio: float = 1.0
+    visible: float = 0.0
     agreement: float = 0.0
 
 
@@ -118,7 +118,7 @@ class Tracker:
         self.kernels = self.engine.encode_template(template, self._polar_crop(template))
         view = self.quad if c.residual_rectified else self.centre + square(1) * np.sqrt(width * height)
         self.outline = from_corners(square(c.residual_size), view)  # residual crop to template
-        self.residual_template = colour.crop(self.outline, c.residual_size, c.residual_size)
+        self.residual_template = self.engine.describe(colour.crop(self.outline, c.residual_size, c.residual_size))
         self.refiner = Refiner(seen.grey, self.quad)
         self.redetector = Redetector(seen, self.quad)
         self.place(np.eye(3))
@@ -147,7 +147,7 @@ class Tracker:
                 candidate, agreement = self._refine(seen.grey, again)
                 if agreement > FIX_WITHOUT_HDN and self._plausible(candidate):
                     homography, found = candidate, True
-                    evidence = replace(evidence, residual=0.0, distance_ratio=1.0, agreement=agreement)
+                    evidence = replace(evidence, residual=0.0, visible=0.0, agreement=agreement)
         if found:
             self.previous = self.homography if self.missed == 0 else homography
             self.homography, self.missed = homography, 0
@@ -188,8 +188,8 @@ class Tracker:
         if "similarity" in self.stages:
             homography, evidence = self._similarity(colour, homography)
         if "residual" in self.stages:
-            homography, length, ratio = self._residual(colour, homography)
-            evidence = replace(evidence, residual=length, distance_ratio=ratio)
+            homography, length, visible = self._residual(colour, homography)
+            evidence = replace(evidence, residual=length, visible=visible)
         return normalised(homography), evidence
 
     def _similarity(self, colour: Pyramid, start: Array) -> tuple[Array, Evidence]:
@@ -212,17 +212,16 @@ class Tracker:
         return start @ to_centre @ moved @ np.linalg.inv(to_centre), Evidence(shift.score, polar.score)
 
     def _residual(self, colour: Pyramid, start: Array) -> tuple[Array, float, float]:
-        """Corner offsets of what is left; also their mean length, px of the crop, and how far they close the gap."""
-        c = self.config
-        crop = colour.crop(start @ self.outline, c.residual_size, c.residual_size)
+        """Corner offsets of what is left; also their mean length, px of the crop, and the share that is seen."""
+        n = self.config.residual_size
+        crop = colour.crop(start @ self.outline, n, n)
         residual = self.engine.residual(self.residual_template, crop)
-        ratio = residual.distance_after / max(residual.distance_before, 1e-6)
-        corners = square(c.residual_size)
+        corners, visible = square(n), float(residual.visible.mean())
         length = float(np.linalg.norm(residual.offsets, axis=1).mean())
-        if ratio >= 1 or not is_convex(corners + residual.offsets):
-            return start, length, ratio
+        if visible < SEEN or not is_convex(corners + residual.offsets):
+            return start, length, visible
         step = from_corners(corners, corners + residual.offsets)
-        return start @ self.outline @ step @ np.linalg.inv(self.outline), length, ratio
+        return start @ self.outline @ step @ np.linalg.inv(self.outline), length, visible
 
     def _refine(self, grey: Pyramid, start: Array) -> tuple[Array, float]:
         homography = self.refiner.align(grey, start)
@@ -260,6 +259,7 @@ class Tracker:
 
 TRUSTED_SCORE = 0.3  # of a similarity branch, below which its motion is not followed
 SURE = 0.85  # agreement beyond which no other start is tried
+SEEN = 0.1  # share of the target that the residual component sees, below which the pair counts as negative
 FIX = 0.4  # agreement that makes a fix where HDN's evidence is positive
 FIX_WITHOUT_HDN = 0.55  # and where it is that of a negative pair
 
@@ -267,11 +267,10 @@ FIX_WITHOUT_HDN = 0.55  # and where it is that of a negative pair
 def is_fix(evidence: Evidence) -> bool:
     """Whether the evidence says that the target was found.
 
-    A negative pair shows as a low score and offsets pulled to zero with a feature distance that does not fall; then the
-    photometric agreement has to be the stronger.
+    A negative pair shows as a low score or as offsets pulled to zero with nothing seen; then the photometric agreement
+    has to be the stronger.
     """
-    pulled_to_zero = evidence.residual < 0.5 and evidence.distance_ratio > 0.97
-    negative = evidence.score < TRUSTED_SCORE or pulled_to_zero
+    negative = evidence.score < TRUSTED_SCORE or evidence.visible < SEEN
     return evidence.agreement >= (FIX_WITHOUT_HDN if negative else FIX)
 
 

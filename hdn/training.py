@@ -18,7 +18,7 @@ from .config import COMPACT, Config
 from .errors import InputError
 from .homography import dlt
 from .polar import polar_crop, polar_points
-from .residual import STRIDE, ResidualNetwork, geometry, standardise
+from .residual import STRIDE, ResidualNetwork, geometry
 from .similarity import SimilarityNetwork
 from .synthesis import Photos, ResidualBatch, SimilarityBatch, project, residual_batch, similarity_batch
 
@@ -117,7 +117,7 @@ def decode(logits: Tensor, offsets: Tensor, stride: int) -> tuple[Tensor, Tensor
 def residual_loss(network: ResidualNetwork, batch: ResidualBatch) -> Tensor:
     """The paper's corner and negative losses, and what teaches the matches: where points are, and which are seen."""
     size = batch.template.shape[-1]
-    template, search = network.extractor(standardise(torch.cat([batch.template, batch.search]))).chunk(2)
+    template, search = network.describe(torch.cat([batch.template, batch.search])).chunk(2)
     matches = network.match(template, search)
     offsets = network.fit(matches.displacement, matches.weight)
     source, cells, _ = geometry(size, offsets.device)
@@ -186,7 +186,7 @@ def validate_residual(network: ResidualNetwork, photos: Photos, size: int, batch
         torch.manual_seed(1)
         for _ in range(batches):
             batch = residual_batch(photos, 32, size, reach=12, occluded=0, gentle=0)
-            template, search = (network.extractor(standardise(x)) for x in (batch.template, batch.search))
+            template, search = (network.describe(x) for x in (batch.template, batch.search))
             matches = network.match(template, search)
             offsets = network.fit(matches.displacement, matches.weight)
             seen.append(matches.visible.sigmoid().mean(1).cpu())

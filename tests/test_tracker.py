@@ -84,11 +84,11 @@ def test_partly_covered_is_still_tracked_with_less_confidence(tracker: Tracker, 
 @pytest.mark.parametrize(
     ("evidence", "fix"),
     [
-        (Evidence(score=0.9, residual=3, distance_ratio=0.6, agreement=0.45), True),
-        (Evidence(score=0.1, residual=3, distance_ratio=0.6, agreement=0.45), False),
-        (Evidence(score=0.9, residual=0.1, distance_ratio=1.0, agreement=0.45), False),
-        (Evidence(score=0.1, residual=0.1, distance_ratio=1.0, agreement=0.95), True),
-        (Evidence(score=0.9, residual=3, distance_ratio=0.6, agreement=0.2), False),
+        (Evidence(score=0.9, residual=3, visible=0.6, agreement=0.45), True),
+        (Evidence(score=0.1, residual=3, visible=0.6, agreement=0.45), False),
+        (Evidence(score=0.9, residual=0.1, visible=0.0, agreement=0.45), False),
+        (Evidence(score=0.1, residual=0.1, visible=0.0, agreement=0.95), True),
+        (Evidence(score=0.9, residual=3, visible=0.6, agreement=0.2), False),
     ],
     ids=["positive", "low score", "offsets pulled to zero", "negative but agreeing", "not agreeing"],
 )
