@@ -19,6 +19,7 @@ Grey = NDArray[np.float32]
 
 CELLS = 8  # the target is judged on a grid of CELLS x CELLS
 AGREES = 0.5  # correlation from which a cell is taken to show the template
+SURELY = 0.6  # and from which it hardly does so by chance
 ALIGNED = 0.7  # correlation that the best cells reach once the crop is nearly aligned
 # Expected moves of the eight parameters, px at the crop's edge: affine four, translation free, perspective.
 SPREAD = np.array([5.0, 5, 100, 5, 5, 100, 2, 2])
@@ -45,6 +46,16 @@ class Agreement:
         if self.visible.sum() < max(2, 0.1 * self.textured.sum()):
             return 0.0
         return float((self.correlation[self.visible] > AGREES).mean())
+
+    @property
+    def cohesion(self) -> float:
+        """The largest patch of adjoining cells that surely agree, as a share of the target.
+
+        Cells that agree by chance lie scattered; what an occluder leaves of the target hangs together.
+        """
+        agree = ((self.correlation > SURELY) & self.visible).astype(np.uint8)
+        _, _, patches, _ = cv2.connectedComponentsWithStats(agree, connectivity=4)
+        return float(patches[1:, cv2.CC_STAT_AREA].max(initial=0)) / agree.size
 
 
 class Refiner:

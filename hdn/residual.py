@@ -38,7 +38,7 @@ def standardise(crops: Tensor) -> Tensor:
 
 
 class Extractor(nn.Module):
-    """E in the paper: grey (B, 1, n, n) to descriptors (B, C, n / 4, n / 4), cell (i, j) centred on pixel (4i, 4j)."""
+    """E in the paper: grey (B, 1, n, n) to unit descriptors (B, C, n / 4, n / 4), cell (i, j) on pixel (4i, 4j)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -49,7 +49,7 @@ class Extractor(nn.Module):
     def forward(self, grey: Tensor) -> Tensor:
         fine = self.fine(grey)
         coarse = F.interpolate(self.coarse(fine), scale_factor=2.0, mode="bilinear", align_corners=False)
-        return self.merge(fine + coarse)
+        return F.normalize(self.merge(fine + coarse), dim=1)
 
 
 @dataclass
@@ -80,7 +80,7 @@ class ResidualNetwork(nn.Module):
         super().__init__()
         self.size = config.residual_size
         self.extractor = Extractor()
-        self.sharpness = nn.Parameter(torch.tensor(0.2))
+        self.sharpness = nn.Parameter(torch.tensor(2.5))  # log of what multiplies the descriptors' cosines
         # From what the look-up of each point gave, and its neighbours', to corrections, weight and visibility.
         self.judge = nn.Sequential(_conv(6, 32), _conv(32, 32), _conv(32, 32), nn.Conv2d(32, 4, 1))
 
@@ -104,7 +104,7 @@ class ResidualNetwork(nn.Module):
         source, cells, near = geometry(self.size, template.device)
         # The mask is added by the same operation that correlates: these maps are the largest there are.
         points = template[:, :, :: CELL // STRIDE, :: CELL // STRIDE].flatten(2).transpose(1, 2)
-        score = torch.baddbmm(near, points * self.sharpness, search.flatten(2))
+        score = torch.baddbmm(near, points * self.sharpness.exp(), search.flatten(2))
         probability = score.softmax(2)
         moments = probability @ torch.cat([cells, cells.square().sum(1, keepdim=True) / 64], 1)
         mean = moments[..., :2]

@@ -218,7 +218,7 @@ def train(
 ) -> None:
     """Trains one component; goes on from `out`/`component`.pt where that is there.
 
-    The learning rate warms up over 250 steps and then falls along a cosine to zero at `steps`.
+    The learning rate warms up over 200 steps and then falls along a cosine to zero at `steps`.
     """
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
@@ -240,7 +240,7 @@ def train(
     parameters = [p for p in network.parameters() if p.requires_grad]
     optimizer = torch.optim.AdamW(parameters, rate, weight_decay=1e-4)
     schedule = torch.optim.lr_scheduler.LambdaLR(
-        optimizer, lambda step: min((step + 1) / 250, 0.5 + 0.5 * math.cos(math.pi * min(step / steps, 1)))
+        optimizer, lambda step: min((step + 1) / 200, 0.5 + 0.5 * math.cos(math.pi * min(step / steps, 1)))
     )
     start = 0
     if checkpoint.exists():
