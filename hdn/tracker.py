@@ -10,38 +10,26 @@ import numpy as np
 from . import weights
 from .engine import Engine
 from .errors import InputError
+from .evidence import FIX, SEEN, TRUSTED_SCORE, Evidence, is_fix
 from .homography import Array, area, from_corners, is_convex, normalised, similarity, square, transform, translation
 from .observation import Observation
 from .polar import polar_points
 from .redetection import Redetector
 from .refinement import Agreement, Refiner
 from .sampling import Image, Pyramid
+from .surroundings import surrounding_motion
 
 State = Literal["tracked", "held", "lost"]
 Stage = Literal["similarity", "residual", "refinement"]
 
+SURE = 0.85  # agreement beyond which no other start is tried
+# How far a target's step may differ from that of its surroundings for it to be taken as fixed among them: mean over the
+# corners, px, or as a share of the step's length.
+ATTACHED_PX, ATTACHED_SHARE = 1.5, 0.15
+SCALES = (1.0, 0.6, 1.6)  # of the last pose, at which a lost target is looked for
+MOST_WINDOWS = 16  # looked at in one frame
 MIN_SIDE = 16  # px: a smaller target shows too little to track
 HOLD_FRAMES = 20  # frames without a fix after which a held target counts as lost
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What the stages say about one frame; the negative-sample behaviour among it.
-
-    Attributes:
-        score, polar_score: classification scores of the two similarity branches, 0..1.
-        residual: mean length of the residual's corner offsets, px of its crop; negatives pull it to zero.
-        visible: share of the target that the residual component sees; negatives pull it to zero too.
-        agreement: share of the target's visible cells that agree with the template after refinement, 0..1.
-        cohesion: the largest adjoining patch of it, as a share of the whole target.
-    """
-
-    score: float = 0.0
-    polar_score: float = 0.0
-    residual: float = 0.0
-    visible: float = 0.0
-    agreement: float = 0.0
-    cohesion: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -124,11 +112,14 @@ class Tracker:
         self.refiner = Refiner(seen.grey, self.quad)
         self.redetector = Redetector(seen, self.quad)
         self.place(np.eye(3))
+        self._seen: tuple[Pyramid, ...] = (seen.grey,)  # the last frame and the one before
 
     def place(self, homography: Array) -> None:
         """Goes on from a known pose: (3, 3), reference-frame pixels to those of the frame before the next."""
         self.homography = self.previous = normalised(homography)
         self.missed = 0
+        self._seen = ()
+        self._attached = False  # to what surrounds the target
 
     def lose(self) -> None:
         """Counts the target as lost, as after a cut: the next frame is searched as a whole."""
@@ -144,22 +135,42 @@ class Tracker:
         homography, evidence = self._locate(seen.colour, seen.grey)
         found = is_fix(evidence)
         if not found and self.missed >= 2:
-            again = self.redetector.find(seen)
-            if again is not None and self._plausible(again):
-                candidate, agreement = self._refine(seen.grey, again)
-                # Keypoints vouch for it as HDN would.
-                certain = Evidence(1.0, 1.0, 0.0, 1.0, agreement.share, agreement.cohesion)
-                if self._plausible(candidate) and is_fix(certain):
-                    homography, evidence, found = candidate, replace(certain, score=evidence.score), True
+            homography, evidence = self._search(seen)
+            found = is_fix(evidence)
         if found:
             self.previous = self.homography if self.missed == 0 else homography
             self.homography, self.missed = homography, 0
         else:
-            self.previous = self.homography
+            self._carry_on(seen.grey)
             self.missed += 1
+        self._seen = (seen.grey, *self._seen[:1])
         state: State = "tracked" if found else "held" if self.missed <= HOLD_FRAMES else "lost"
         confidence = evidence.agreement if found else 0.5 * evidence.agreement
         return Estimate(self.homography, transform(self.homography, self.quad), state, confidence, evidence)
+
+    def _carry_on(self, grey: Pyramid) -> None:
+        """Moves the pose of a hidden target with its surroundings, if it did move with them while it was seen."""
+        if self.missed == 0:
+            self._attached = self._moved_with_surroundings()
+        step = None
+        if self._attached and self.missed < HOLD_FRAMES and self._seen:
+            step = surrounding_motion(self._seen[0], grey, transform(self.homography, self.quad))
+        moved = self.homography if step is None else normalised(step @ self.homography)
+        self._attached = step is not None and self._plausible(moved)
+        if self._attached:
+            self.homography = moved
+        self.previous = self.homography
+
+    def _moved_with_surroundings(self) -> bool:
+        """Whether the target's last step, between the last two frames, was that of what surrounds it."""
+        if len(self._seen) < 2:
+            return False
+        corners, before = transform(self.homography, self.quad), transform(self.previous, self.quad)
+        step = surrounding_motion(self._seen[1], self._seen[0], before)
+        if step is None:
+            return False
+        difference = np.linalg.norm(transform(step, before) - corners, axis=1).mean()
+        return bool(difference < max(ATTACHED_PX, ATTACHED_SHARE * np.linalg.norm(corners - before, axis=1).mean()))
 
     def _locate(self, colour: Pyramid, grey: Pyramid) -> tuple[Array, Evidence]:
         """HDN's three stages from the last pose, refined; where that does not convince, refinement alone."""
@@ -184,6 +195,40 @@ class Tracker:
         if not self._plausible(best):
             return best, evidence
         return best, replace(evidence, agreement=agreement.share, cohesion=agreement.cohesion)
+
+    def _search(self, seen: Observation) -> tuple[Array, Evidence]:
+        """Looks for a lost target anywhere in the frame: by keypoints in one frame, by HDN's windows in the next."""
+        if self.missed % 2 == 0:
+            found = self.redetector.find(seen)
+            if found is None or not self._plausible(found):
+                return self.homography, Evidence()
+            start, evidence = found, Evidence(1.0, 1.0, 0.0, 1.0)  # keypoints vouch for it as HDN would
+        else:
+            start, evidence = self._hdn(seen.colour, self._sweep(seen.colour))
+        homography, agreement = self._refine(seen.grey, start)
+        if not self._plausible(homography):
+            return homography, evidence
+        return homography, replace(evidence, agreement=agreement.share, cohesion=agreement.cohesion)
+
+    def _sweep(self, colour: Pyramid) -> Array:
+        """The last pose, moved to the window of the frame whose translation score is best, at one scale a frame."""
+        n = self.config.search_size
+        here = transform(self.homography, self.centre[None])[0]
+        scale = SCALES[self.missed // 2 % len(SCALES)]
+        size = scale * np.sqrt(abs(area(transform(self.homography, self.quad)) / area(self.quad)))
+        reach = (n - self.config.template_size) * self.unit * size  # px of the frame that one window searches
+        columns, rows = (max(1, round(side / reach)) for side in colour.size)
+        if columns * rows > MOST_WINDOWS:
+            return self.homography
+        best, best_score = self.homography, 0.0
+        for x in (np.arange(columns) + 0.5) * (colour.size[0] / columns):
+            for y in (np.arange(rows) + 0.5) * (colour.size[1] / rows):
+                moved = translation(x, y) @ similarity(scale, 0, 0, 0) @ translation(*-here) @ self.homography
+                crop = colour.crop(moved @ self._window(n), n, n, self.fill)
+                score = self.engine.translation(self.kernels[0], crop).score
+                if score > best_score:
+                    best, best_score = moved, score
+        return best
 
     def _hdn(self, colour: Pyramid, start: Array) -> tuple[Array, Evidence]:
         """H_start . H_similarity . H_residual (paper, eq. 1 and 2)."""
@@ -258,26 +303,6 @@ class Tracker:
         """Log-polar crop about a crop's centre."""
         points = self._points + np.float32((crop.shape[0] - 1) / 2)
         return np.asarray(cv2.remap(crop, points, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
-
-
-TRUSTED_SCORE = 0.3  # of a similarity branch, below which its motion is not followed
-SURE = 0.85  # agreement beyond which no other start is tried
-SEEN = 0.1  # share of the target that the residual component sees, below which the pair counts as negative
-# What makes a fix: the share of the visible target that agrees, or a patch of it that hangs together, as beside an
-# occluder. Patches of 0.08 come about by chance in one frame of a hundred that does not show the target.
-FIX, PATCH = 0.4, 0.14
-FIX_WITHOUT_HDN, PATCH_WITHOUT_HDN = 0.55, 0.2  # the same where HDN takes the pair for a negative one
-
-
-def is_fix(evidence: Evidence) -> bool:
-    """Whether the evidence says that the target was found.
-
-    A negative pair shows as a low score or as offsets pulled to zero with nothing seen; then the photometric agreement
-    has to be the stronger.
-    """
-    negative = evidence.score < TRUSTED_SCORE or evidence.visible < SEEN
-    fix, patch = (FIX_WITHOUT_HDN, PATCH_WITHOUT_HDN) if negative else (FIX, PATCH)
-    return evidence.agreement >= fix or evidence.cohesion >= patch
 
 
 def check_quad(quad: Array, width: int, height: int) -> None:

@@ -3,7 +3,8 @@ import pytest
 
 from hdn import InputError, Tracker
 from hdn.engine import Engine
-from hdn.tracker import HOLD_FRAMES, Evidence, is_fix
+from hdn.evidence import Evidence, is_fix
+from hdn.tracker import HOLD_FRAMES
 
 from .scenes import Scene, error, moved, path
 
