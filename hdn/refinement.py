@@ -32,20 +32,30 @@ class Agreement:
 
     Attributes:
         correlation: (8, 8) normalised cross-correlation of each cell with the template's.
-        visible: (8, 8) cells that lie in the frame and have texture to compare.
-        textured: (8, 8) cells that have texture, in the frame or not.
+        in_frame: (8, 8) cells that lie in the frame.
+        textured: (8, 8) cells that have texture to compare, in the frame or not.
     """
 
     correlation: Grey
-    visible: NDArray[np.bool_]
+    in_frame: NDArray[np.bool_]
     textured: NDArray[np.bool_]
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """(8, 8) cells that can be judged."""
+        return self.in_frame & self.textured
+
+    @property
+    def agrees(self) -> NDArray[np.bool_]:
+        """(8, 8) cells that show the template."""
+        return np.asarray(self.correlation > AGREES)
 
     @property
     def share(self) -> float:
         """Share of the visible cells that agree with the template; 0 where next to nothing is visible."""
         if self.visible.sum() < max(2, 0.1 * self.textured.sum()):
             return 0.0
-        return float((self.correlation[self.visible] > AGREES).mean())
+        return float(self.agrees[self.visible].mean())
 
     @property
     def cohesion(self) -> float:
@@ -120,8 +130,7 @@ class Refiner:
         """Compares the frame, rectified by a homography, with the template."""
         fine = self.levels[-1]
         search = _normalise(cv2.GaussianBlur(self._crop(frame, homography), (0, 0), fine.blur), self.sigma)
-        seen = self._in_frame(frame, homography)
-        return Agreement(_correlation(fine.template, search), self.textured & seen, self.textured)
+        return Agreement(_correlation(fine.template, search), self._in_frame(frame, homography), self.textured)
 
     def _in_frame(self, frame: Pyramid, homography: Array) -> NDArray[np.bool_]:
         step_x, step_y = self.width / CELLS, self.height / CELLS
