@@ -1,20 +1,19 @@
-"""EfficientNet-Lite0, first five stages, at stride 8."""
+"""EfficientNet-Lite0, first four stages, at stride 8."""
 
 from pathlib import Path
 
 import torch
 from torch import Tensor, nn
 
-# (expansion, channels, blocks, kernel, stride, dilation) of stages 1 to 5. The fourth stage keeps the stride at 8,
-# and the dilation gives its kernels, and those of the fifth, the reach that they were trained with.
+# (expansion, channels, blocks, kernel, stride, dilation) of stages 1 to 4. The fourth stage keeps the stride at 8,
+# and the dilation gives its kernels the reach that they were trained with.
 STAGES = [
     (1, 16, 1, 3, 1, 1),
     (6, 24, 2, 3, 2, 1),
     (6, 40, 2, 5, 2, 1),
     (6, 80, 3, 3, 1, 2),
-    (6, 112, 3, 5, 1, 2),
 ]
-CHANNELS = (24, 40, 80, 112)  # what the backbone returns: stages 2 (stride 4), 3, 4, 5 (stride 8)
+CHANNELS = (24, 40, 80)  # what the backbone returns: stages 2 (stride 4), 3 and 4 (stride 8)
 
 
 def _conv(inputs: int, outputs: int, kernel: int, stride: int = 1, dilation: int = 1, groups: int = 1) -> nn.Conv2d:
@@ -40,7 +39,7 @@ class InvertedResidual(nn.Module):
 
 
 class Backbone(nn.Module):
-    """RGB crops (B, 3, n, n), 0..255, to the feature maps of stages 2 to 5.
+    """RGB crops (B, 3, n, n), 0..255, to the feature maps of stages 2 to 4.
 
     Cell (i, j) of a map of stride s is centred on pixel (s i, s j): padding is symmetric, so a template and a search
     crop whose sizes differ by a multiple of the stride have their cells in phase.

@@ -14,7 +14,7 @@ class Config:
 
     name: str
     backbone: Literal["efficientnet-lite0", "resnet-50"]
-    residual: Literal["plain", "resnet-34"]
+    residual: Literal["matching", "resnet-34"]
     template_size: int = 127
     search_size: int = 255
     polar_size: int = 128  # a multiple of the stride, so that the angle axis is cyclic on the feature map too
@@ -22,10 +22,9 @@ class Config:
     polar_shift: float = 0.0  # px taken off these radii
     polar_reach: int = 4  # cells searched to each side on the log-polar map: +-1.57 rad and +-0.69 of log-scale
     stride: int = 8
-    channels: int = 96
+    channels: int = 64
     template_cells: int = 8  # central cells of the template's feature map that hold the target
     residual_size: int = 128
-    residual_channels: tuple[int, ...] = (32, 64, 96, 128)  # of the plain trunk
     residual_rectified: bool = True  # its crop shows the quad, or else a square as large as its box
     half: bool = True  # weights on disk, and computation on CUDA, in half precision
     context: float = 0.5  # margin around the target's box, as a share of its mean side
@@ -44,7 +43,7 @@ class Config:
 COMPACT = Config(
     "compact",
     backbone="efficientnet-lite0",
-    residual="plain",
+    residual="matching",
     search_size=191,  # reaches as far as the target is wide, at half the cost of 255
 )
 

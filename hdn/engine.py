@@ -7,14 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from .errors import InputError
-from .homography import square, transform
 from .sampling import Image
 from .weights import Hdn
 
@@ -36,13 +34,11 @@ class Residual:
 
     Attributes:
         offsets: (4, 2) px of the residual crop, from its corners to the target's.
-        distance_before: mean |E(search) - E(template)|.
-        distance_after: mean |E(search) - E(template warped by the offsets' homography)|.
+        visible: (m, m) probability that each part of the target is seen; the paper's network has one for the whole.
     """
 
     offsets: NDArray[np.float64]
-    distance_before: float
-    distance_after: float
+    visible: Floats
 
 
 class _Encode(nn.Module):
@@ -79,16 +75,26 @@ class _Joined(nn.Module):
         return self.head(*kernels, *self.backbone(crop))
 
 
-class _Offsets(nn.Module):
-    """Residual network on raw crops."""
+class _Describe(nn.Module):
+    """What the residual network keeps of a template crop."""
 
     def __init__(self, network: nn.Module) -> None:
         super().__init__()
         self.network: Any = network
 
-    def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        n = self.network
-        return n(n.prepare(template), n.prepare(search))
+    def forward(self, crop: Tensor) -> tuple[Tensor]:
+        return (self.network.describe(crop),)
+
+
+class _Compare(nn.Module):
+    """The residual network's part that runs once a frame."""
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.network: Any = network
+
+    def forward(self, template: Tensor, crop: Tensor) -> tuple[Tensor, ...]:
+        return self.network.compare(template, crop)
 
 
 Function = Callable[..., list[Floats]]
@@ -109,7 +115,8 @@ def _torch_functions(network: Hdn, device: torch.device) -> list[Function]:
 
         return run
 
-    return [function(m) for m in (*(_Joined(s.backbone, head) for head in heads), _Offsets(network.residual))]
+    residual = _Describe(network.residual), _Compare(network.residual)
+    return [function(m) for m in (*(_Joined(s.backbone, head) for head in heads), *residual)]
 
 
 def _openvino_functions(network: Hdn) -> list[Function]:
@@ -121,14 +128,17 @@ def _openvino_functions(network: Hdn) -> list[Function]:
     with torch.inference_mode():
         maps = s.backbone(crop)
         kernel, polar_kernel = s.encode_template(maps), s.encode_polar_template(maps)
+        described = network.residual.describe(residual)
     models = (
         join(backbone, convert(_Encode(s.translation), *maps), c.template_size),
         join(backbone, convert(_Encode(s.polar), *maps), c.polar_size),
         join(backbone, convert(_Correlate(s.translation), kernel, *maps), c.search_size, kernel),
         join(backbone, convert(_Correlate(s.polar), polar_kernel, *maps), c.polar_size, polar_kernel),
-        convert(_Offsets(network.residual), residual, residual),
+        convert(_Describe(network.residual), residual),
+        convert(_Compare(network.residual), described, residual),
     )
-    models[-1].reshape(dict(enumerate([list(residual.shape)] * 2)))
+    models[-2].reshape({0: list(residual.shape)})
+    models[-1].reshape({0: list(described.shape), 1: list(residual.shape)})
     return [compiled(model) for model in models]
 
 
@@ -158,8 +168,8 @@ class Engine:
         else:
             self.description = f"PyTorch on {chosen.type}"
             functions = _torch_functions(network, chosen)
-        self._encode, self._encode_polar, self._translation, self._polar, self._offsets = functions
-        self._homography = network.residual.homography
+        self._encode, self._encode_polar, self._translation, self._polar, self._describe, self._compare = functions
+        self._conclude = network.residual.conclude
 
     def encode_template(self, crop: Image, polar: Image) -> tuple[Floats, Floats]:
         """Template crop and its log-polar crop to the kernels of the two branches; once a target."""
@@ -175,22 +185,15 @@ class Engine:
         logits, offsets = self._polar(kernel, _tensor(crop))
         return _decode(logits, offsets, self.config.stride)
 
-    def residual(self, template: Image, search: Image) -> Residual:
-        """Corner offsets between two rectified crops, and whether they bring them closer."""
-        offsets, e_template, e_search = self._offsets(_tensor(template), _tensor(search))
-        matrix = self._homography(torch.from_numpy(offsets.astype(np.float64)))[0].numpy()
-        corners = square(self.config.residual_size)
-        # The maps may be coarser than the crop: their cell (i, j) is centred on pixel (i / ratio, j / ratio).
-        ratio = np.diag([e_search.shape[-1] / search.shape[0]] * 2 + [1.0])
-        after = _warped_distance(e_template, e_search, ratio @ matrix @ np.linalg.inv(ratio))
-        return Residual(transform(matrix, corners) - corners, float(np.abs(e_search - e_template).mean()), after)
+    def describe(self, crop: Image) -> Floats:
+        """What `residual` needs of the template's crop; once a target."""
+        return self._describe(_tensor(crop))[0]
 
-
-def _warped_distance(template: Floats, search: Floats, matrix: NDArray[np.float64]) -> float:
-    """Mean |search - template|, maps (1, 1, n, n), once the template is warped by a homography."""
-    n = template.shape[-1]
-    warped = cv2.warpPerspective(template[0, 0], matrix, (n, n), borderMode=cv2.BORDER_REPLICATE)
-    return float(np.abs(search[0, 0] - warped).mean())
+    def residual(self, template: Floats, crop: Image) -> Residual:
+        """Corner offsets from a described template's crop to another, and which parts of the target are seen in it."""
+        outputs = (torch.from_numpy(x) for x in self._compare(template, _tensor(crop)))
+        offsets, visible = self._conclude(*outputs)
+        return Residual(offsets[0].double().numpy(), visible[0].numpy())
 
 
 def _tensor(crop: Image) -> Floats:

@@ -45,6 +45,13 @@ def classification_loss(probability: Tensor, label: Tensor, threshold: float = 0
     return loss
 
 
+def peak_loss(score: Tensor, target: Tensor, positive: Tensor) -> Tensor:
+    """Cross-entropy of where the peak of maps (B, n, n) of logits is, their truth (B, 2) in cells shared among four."""
+    b, n, _ = score.shape
+    probability = score.reshape(b, 1, n * n).softmax(2)
+    return matching_loss(probability, target[:, None], positive[:, None], n)
+
+
 def polar_labels(points: Tensor, truth: Tensor, stride: int) -> Tensor:
     """Labels (B, n, n) of the log-polar map: 1 at the truth (B, 2) px, 0 off it, -1 between, where nothing counts."""
     distance = (points[None] - truth[:, None, None]).norm(dim=-1) / stride
@@ -80,3 +87,20 @@ def triplet_loss(search: Tensor, warped: Tensor, template: Tensor, margin: float
     """L_Lambda+*: E(search) shall be nearer to E(warped template) than to E(template), maps (B, 1, m, m), per pixel."""
     nearer, farther = (search - warped).norm(dim=1), (search - template).norm(dim=1)
     return F.relu(nearer - farther + margin).mean() if len(search) else search.sum() * 0
+
+
+def matching_loss(probability: Tensor, target: Tensor, seen: Tensor, cells: int) -> Tensor:
+    """Cross-entropy of where points are found, their truth shared among the four cells around it.
+
+    Args:
+        probability: (B, M, cells * cells).
+        target: (B, M, 2) true places in cells, x first.
+        seen: (B, M) bool, what counts.
+    """
+    low = target.floor()
+    right, down = (target - low).unbind(2)
+    share = torch.stack([(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down], 2)
+    around = low[:, :, None] + torch.tensor([[0.0, 0], [1, 0], [0, 1], [1, 1]]).to(low)  # (B, M, 4, 2)
+    x, y = around.clamp(0, cells - 1).long().unbind(3)
+    entropy = -(share * probability.gather(2, y * cells + x).clamp_min(1e-9).log()).sum(2)
+    return (entropy * seen).sum() / seen.sum().clamp_min(1)

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor, nn
 
 from .config import Config
 from .correlation import adapt, centre, correlate, pad_polar
-from .homography import dlt
+from .homography import dlt, square
 from .resnet import LEVELS, ResNet34
 
 
@@ -86,6 +87,8 @@ class LevelBranch(nn.Module):
             yield x, loc
 
 
+SEEN = 0.97  # of the features' distance before the warp: nearer than that afterwards shows the target
+
 # Of the channels as they are in memory here: red, green, blue.
 MEAN = (102.60, 113.97, 118.93)
 DEVIATION = (72.45, 68.81, 69.85)
@@ -118,7 +121,36 @@ class PaperResidual(nn.Module):
         features = self.backbone(torch.cat([embedded_template, embedded_search], 1))  # (B, 512)
         return self.fc(features).reshape(-1, 4, 2), embedded_template, embedded_search
 
+    def describe(self, crops: Tensor) -> Tensor:
+        """What is kept of the template: the prepared crops."""
+        return self.prepare(crops)
+
+    def compare(self, template: Tensor, crops: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """A prepared template and RGB search crops to what `conclude` takes."""
+        return self(template, self.prepare(crops))
+
+    def conclude(self, offsets: Tensor, template: Tensor, search: Tensor) -> tuple[Tensor, Tensor]:
+        """Offsets (B, 4, 2) px from the crop's corners to the target's, and whether (B, 1, 1) the target is seen.
+
+        It is taken to be where the features' distance falls by the warp, as it does not for negative samples.
+        """
+        n = self.size
+        matrix = self.homography(offsets)
+        corners = torch.from_numpy(square(n)).to(offsets).expand(len(offsets), 4, 2)
+        y, x = torch.meshgrid(torch.arange(n), torch.arange(n), indexing="ij")
+        pixels = torch.stack([x, y], -1).reshape(1, -1, 2).to(offsets)
+        places = through(torch.linalg.inv(matrix), pixels).reshape(-1, n, n, 2)
+        warped = F.grid_sample(template, places * (2 / (n - 1)) - 1, padding_mode="border", align_corners=True)
+        before, after = ((search - t).abs().mean((1, 2, 3)) for t in (template, warped))
+        return through(matrix, corners) - corners, (after < SEEN * before).float()[:, None, None]
+
     def homography(self, offsets: Tensor) -> Tensor:
         """Offsets (B, 4, 2) to homographies (B, 3, 3), pixels of the template crop to those of the search crop."""
         n = float(self.size)
         return torch.linalg.inv(dlt(offsets, offsets.new_tensor([[0.0, 0.0], [0.0, n], [n, n], [n, 0.0]])))
+
+
+def through(matrix: Tensor, points: Tensor) -> Tensor:
+    """Points (1 or B, M, 2) through homographies (B, 3, 3): (B, M, 2)."""
+    p = F.pad(points, (0, 1), value=1.0) @ matrix.transpose(1, 2)
+    return p[..., :2] / p[..., 2:]

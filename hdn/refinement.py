@@ -19,6 +19,7 @@ Grey = NDArray[np.float32]
 
 CELLS = 8  # the target is judged on a grid of CELLS x CELLS
 AGREES = 0.5  # correlation from which a cell is taken to show the template
+SURELY = 0.6  # and from which it hardly does so by chance
 ALIGNED = 0.7  # correlation that the best cells reach once the crop is nearly aligned
 # Expected moves of the eight parameters, px at the crop's edge: affine four, translation free, perspective.
 SPREAD = np.array([5.0, 5, 100, 5, 5, 100, 2, 2])
@@ -31,20 +32,40 @@ class Agreement:
 
     Attributes:
         correlation: (8, 8) normalised cross-correlation of each cell with the template's.
-        visible: (8, 8) cells that lie in the frame and have texture to compare.
-        textured: (8, 8) cells that have texture, in the frame or not.
+        in_frame: (8, 8) cells that lie in the frame.
+        textured: (8, 8) cells that have texture to compare, in the frame or not.
     """
 
     correlation: Grey
-    visible: NDArray[np.bool_]
+    in_frame: NDArray[np.bool_]
     textured: NDArray[np.bool_]
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """(8, 8) cells that can be judged."""
+        return self.in_frame & self.textured
+
+    @property
+    def agrees(self) -> NDArray[np.bool_]:
+        """(8, 8) cells that show the template."""
+        return np.asarray(self.correlation > AGREES)
 
     @property
     def share(self) -> float:
         """Share of the visible cells that agree with the template; 0 where next to nothing is visible."""
         if self.visible.sum() < max(2, 0.1 * self.textured.sum()):
             return 0.0
-        return float((self.correlation[self.visible] > AGREES).mean())
+        return float(self.agrees[self.visible].mean())
+
+    @property
+    def cohesion(self) -> float:
+        """The largest patch of adjoining cells that surely agree, as a share of the target.
+
+        Cells that agree by chance lie scattered; what an occluder leaves of the target hangs together.
+        """
+        agree = ((self.correlation > SURELY) & self.visible).astype(np.uint8)
+        _, _, patches, _ = cv2.connectedComponentsWithStats(agree, connectivity=4)
+        return float(patches[1:, cv2.CC_STAT_AREA].max(initial=0)) / agree.size
 
 
 class Refiner:
@@ -109,8 +130,7 @@ class Refiner:
         """Compares the frame, rectified by a homography, with the template."""
         fine = self.levels[-1]
         search = _normalise(cv2.GaussianBlur(self._crop(frame, homography), (0, 0), fine.blur), self.sigma)
-        seen = self._in_frame(frame, homography)
-        return Agreement(_correlation(fine.template, search), self.textured & seen, self.textured)
+        return Agreement(_correlation(fine.template, search), self._in_frame(frame, homography), self.textured)
 
     def _in_frame(self, frame: Pyramid, homography: Array) -> NDArray[np.bool_]:
         step_x, step_y = self.width / CELLS, self.height / CELLS

@@ -17,7 +17,7 @@ from .resnet import ResNet50
 
 
 class Neck(nn.Module):
-    """Feature maps of four stages to one map of `channels` at stride 8."""
+    """Feature maps of three stages to one map of `channels` at stride 8."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()

@@ -117,6 +117,21 @@ def placed(view: Tensor) -> Tensor:
     return move @ view
 
 
+def textured(photos: Photos, index: Tensor, size: int, low: float, high: float) -> Tensor:
+    """Views (B, 3, 3) of photographs for crops of a size: of two drawn, the one that shows more texture.
+
+    A target is chosen by somebody who wants it found: a patch of sky is a rare one.
+    """
+    n = 24
+    coarse = torch.diag(torch.tensor([size / n, size / n, 1.0], device=photos.device))
+    views, texture = [], []
+    for _ in range(2):
+        views.append(placed(random_view(len(index), photos.device, low, high)))
+        grey = photos.sample(index, views[-1] @ coarse, n).mean(1)
+        texture.append(grey.diff(dim=1).abs().mean((1, 2)) + grey.diff(dim=2).abs().mean((1, 2)))
+    return torch.where((texture[0] > texture[1])[:, None, None], *views)
+
+
 def inside(quad: Tensor, points: Tensor, size: int) -> Tensor:
     """Masks (B, 1, size, size), soft over a pixel, of the points (B, size*size, 2) in convex clockwise quads."""
     edge = quad.roll(-1, 1) - quad
@@ -130,38 +145,55 @@ def random_photos(photos: Photos, batch: int) -> Tensor:
     return torch.randint(len(photos), (batch,), device=photos.device)
 
 
-def occlude(photos: Photos, crops: Tensor, share: float) -> Tensor:
-    """Lays a quad of another photograph over a share of the crops (B, 3, n, n), anywhere, up to half a side wide."""
+def occlude(photos: Photos, crops: Tensor, share: float, about: Tensor, extent: float) -> tuple[Tensor, Tensor]:
+    """Lays a quad over a share of the crops (B, 3, n, n): patches to wide bars, of a photograph or of one colour.
+
+    Args:
+        about: (B, 2) where the targets are, px from the crops' centres; extent: how wide they are, px.
+
+    Returns:
+        The crops, and masks (B, 1, n, n) of what is hidden.
+    """
     device, size = photos.device, crops.shape[-1]
+    hidden = torch.zeros_like(crops[:, :1])
     rows = (torch.rand(len(crops), device=device) < share).nonzero()[:, 0]
     if not len(rows):
-        return crops
+        return crops, hidden
     b = len(rows)
-    half = uniform((b, 2), 0.08, 0.28, device) * size * 0.5
-    angle = uniform(b, 0, np.pi, device)
+    half = uniform((b, 2), float(np.log(0.06)), float(np.log(0.6)), device).exp() * extent
+    angle = uniform(b, 0, 2 * np.pi, device)
     axes = torch.stack([angle.cos(), angle.sin()], 1)
     across = torch.stack([-axes[:, 1], axes[:, 0]], 1)
     sign = torch.tensor([[-1.0, -1], [1, -1], [1, 1], [-1, 1]], device=device)
     quad = sign[None, :, :1] * (axes * half[:, :1])[:, None] + sign[None, :, 1:] * (across * half[:, 1:])[:, None]
-    quad = quad + uniform((b, 1, 2), -0.25, 0.25, device) * size
+    # Its near edge may cross the target's middle, but leaves a fifth of it to see.
+    near = uniform((b, 1), -0.3, 0.5, device) * extent + half[:, :1]
+    centre = about[rows] + axes * near + across * uniform((b, 1), -0.4, 0.4, device) * extent
+    quad = quad + centre[:, None]
     grid = pixel_grid(size, device).expand(b, -1, -1)
-    index = random_photos(photos, b)
-    other = photos.sample(index, placed(random_view(b, device, 0.4, 1.6)), size)
+    other = photos.sample(random_photos(photos, b), placed(random_view(b, device, 0.4, 1.6)), size)
+    plain = uniform((b, 3, 1, 1), 0, 1, device)
+    other = torch.where(torch.rand(b, 1, 1, 1, device=device) < 0.3, plain, other)
     mask = inside(quad, grid, size)
     crops = crops.clone()
     crops[rows] = torch.lerp(crops[rows], other, mask)
-    return crops
+    hidden[rows] = mask
+    return crops, hidden
 
 
-def cut_by_border(crops: Tensor, share: float) -> Tensor:
-    """Fills what lies beyond a straight frame border with the crop's mean colour, in a share of crops (B, 3, n, n)."""
+def cut_by_border(crops: Tensor, share: float) -> tuple[Tensor, Tensor]:
+    """Fills what lies beyond a straight frame border with the crop's mean colour, in a share of crops (B, 3, n, n).
+
+    Returns:
+        The crops, and masks (B, 1, n, n) of what is beyond.
+    """
     device, (b, _, size, _) = crops.device, crops.shape
     side = torch.randint(4, (b, 1), device=device)
-    reach = uniform((b, 1), 0.2, 0.45, device) * size
+    reach = uniform((b, 1), 0.1, 0.45, device) * size
     grid = pixel_grid(size, device)
     axis = torch.stack([grid[:, 0], -grid[:, 0], grid[:, 1], -grid[:, 1]])[side[:, 0]]  # (B, n*n)
     beyond = ((axis > reach) & (torch.rand(b, 1, device=device) < share)).reshape(b, 1, size, size)
-    return torch.where(beyond, crops.mean((2, 3), keepdim=True), crops)
+    return torch.where(beyond, crops.mean((2, 3), keepdim=True), crops), beyond.float()
 
 
 def blur(crops: Tensor, share: float, reach: int) -> Tensor:
@@ -233,7 +265,7 @@ def similarity_batch(
     """Template and search crops for the similarity component."""
     device = photos.device
     index = random_photos(photos, batch)
-    template_to_image = placed(random_view(batch, device, 0.4, 1.5))
+    template_to_image = textured(photos, index, template_size, 0.4, 1.5)
     motion = random_motion(batch, device, gentle)
 
     # The target's box in the template: its window, box plus context, is the whole crop.
@@ -265,7 +297,8 @@ def similarity_batch(
 
     positive = torch.rand(batch, device=device) >= negatives
     search = torch.where(positive[:, None, None, None], search, search.roll(1, 0))
-    search = cut_by_border(occlude(photos, search, occluded), 0.1)
+    search, _ = occlude(photos, search, occluded, motion.shift, template_size / 2)
+    search, _ = cut_by_border(search, 0.1 if occluded else 0.0)
     search = relight(coarsen(blur(search, 0.25, 15), 0.2))
     template = relight(coarsen(blur(template, 0.05, 7), 0.1), 0.6)
     return SimilarityBatch(template * 255, search * 255, half, motion, positive)
@@ -277,19 +310,20 @@ class ResidualBatch:
     search: Tensor  # (B, 3, n, n), 0..255
     offsets: Tensor  # (B, 4, 2) px: where the target's corners lie in the search crop, less the crop's corners
     positive: Tensor  # (B,) bool
+    clear: Tensor  # (B, 1, n, n) 0..1: where nothing hides what the search crop would show
 
 
 def residual_batch(
-    photos: Photos, batch: int, size: int, reach: float = 12, negatives: float = 0.2, occluded: float = 0.3
-) -> ResidualBatch:
+    photos: Photos, batch: int, size: int, reach: float, negatives: float = 0.2, occluded: float = 0.3,
+    gentle: float = 0.5,
+) -> ResidualBatch:  # fmt: skip
     """Rectified template and search crops for the residual component, corners off by up to `reach` px."""
     device = photos.device
     index = random_photos(photos, batch)
-    view = random_view(batch, device, 0.5, 1.8)
     stretch = (uniform(batch, -0.5, 0.5, device)).exp()  # the target's own aspect, lost by rectification
-    view = view @ torch.diag_embed(torch.stack([stretch, 1 / stretch, torch.ones_like(stretch)], 1))
-    template_to_image = placed(view)
-    spread = torch.where(torch.rand(batch, 1, 1, device=device) < 0.5, 0.35, 1.0) * reach
+    stretch = torch.diag_embed(torch.stack([stretch, 1 / stretch, torch.ones_like(stretch)], 1))
+    template_to_image = textured(photos, index, size, 0.5, 1.8) @ stretch
+    spread = torch.where(torch.rand(batch, 1, 1, device=device) < gentle, 0.35, 1.0) * reach
     # Half of the displacement is common to the corners, as a translation left over by the similarity is.
     common = uniform((batch, 1, 2), -1, 1, device) * 0.5
     offsets = (common + uniform((batch, 4, 2), -1, 1, device) * 0.5) * spread
@@ -308,7 +342,9 @@ def residual_batch(
 
     positive = torch.rand(batch, device=device) >= negatives
     search = torch.where(positive[:, None, None, None], search, search.roll(1, 0))
-    search = relight(coarsen(blur(cut_by_border(occlude(photos, search, occluded), 0.05), 0.25, 15), 0.2))
+    search, hidden = occlude(photos, search, occluded, offsets.mean(1), size)
+    search, beyond = cut_by_border(search, 0.1 if occluded else 0.0)
+    search = relight(coarsen(blur(search, 0.25, 15), 0.2))
     template = relight(coarsen(blur(template, 0.05, 7), 0.1), 0.6)
     offsets = torch.where(positive[:, None, None], offsets, 0.0)
-    return ResidualBatch(template * 255, search * 255, offsets, positive)
+    return ResidualBatch(template * 255, search * 255, offsets, positive, (1 - hidden) * (1 - beyond))

@@ -2,44 +2,33 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
 
 from . import weights
-from .engine import Engine
+from .engine import Engine, Floats
 from .errors import InputError
-from .homography import Array, area, from_corners, is_convex, normalised, similarity, square, transform, translation
+from .evidence import FIX, SEEN, TRUSTED_SCORE, Evidence, is_fix
+from .homography import Array, area, is_convex, normalised, similarity, transform, translation
 from .observation import Observation
-from .polar import polar_points
+from .proposal import Proposal, Proposer, Stage
 from .redetection import Redetector
-from .refinement import Refiner
+from .refinement import CELLS, Refiner
 from .sampling import Image, Pyramid
+from .surroundings import surrounding_motion
 
 State = Literal["tracked", "held", "lost"]
-Stage = Literal["similarity", "residual", "refinement"]
 
+SURE = 0.85  # agreement beyond which no other start is tried
+# How far a target's step may differ from that of its surroundings for it to be taken as fixed among them: mean over the
+# corners, px, or as a share of the step's length.
+ATTACHED_PX, ATTACHED_SHARE = 1.5, 0.15
+SCALES = (1.0, 0.6, 1.6)  # of the last pose, at which a lost target is looked for
+MOST_WINDOWS = 16  # looked at in one frame
 MIN_SIDE = 16  # px: a smaller target shows too little to track
 HOLD_FRAMES = 20  # frames without a fix after which a held target counts as lost
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What the stages say about one frame; the negative-sample behaviour among it.
-
-    Attributes:
-        score, polar_score: classification scores of the two similarity branches, 0..1.
-        residual: mean length of the residual's corner offsets, px of its crop; negatives pull it to zero.
-        distance_ratio: feature distance after the residual warp by that before; near 1 where it does not fall.
-        agreement: share of the target's visible cells that agree with the template after refinement, 0..1.
-    """
-
-    score: float = 0.0
-    polar_score: float = 0.0
-    residual: float = 0.0
-    distance_ratio: float = 1.0
-    agreement: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -50,7 +39,8 @@ class Estimate:
         homography: (3, 3) reference-frame pixels to this frame's pixels; while held or lost, the last one found.
         corners: (4, 2) the target's corners in this frame, px.
         state: 'tracked', 'held' (no fix for some frames: the pose is the last one) or 'lost'.
-        confidence: 0..1, the share of the target's visible area that agrees with the template.
+        confidence: 0..1, the share of the target's area in the frame that agrees with the template.
+        visibility: (8, 8) 0..1, which cells of the target are seen, row by row in its own reading order.
         evidence: what the judgement rests on.
     """
 
@@ -58,6 +48,7 @@ class Estimate:
     corners: Array
     state: State
     confidence: float
+    visibility: Array
     evidence: Evidence
 
 
@@ -88,9 +79,7 @@ class Tracker:
             InputError: weights missing or of another architecture, no such device.
         """
         self.engine = engine or Engine(weights.load(Path(weights_path or weights.shipped())), device)
-        self.config = self.engine.config
         self.stages = stages
-        self._points = polar_points(self.config)
 
     def init(self, frame: Image | Observation, quad: Array) -> None:
         """Takes the target: its quad (4, 2), px, in an RGB frame (H, W, 3).
@@ -103,132 +92,129 @@ class Tracker:
         self.quad = np.asarray(quad, np.float64)
         seen = _observed(frame)
         check_quad(self.quad, *seen.colour.size)
-        colour = seen.colour
-        c = self.config
-
-        low, high = self.quad.min(0), self.quad.max(0)
-        width, height = high - low
-        margin = c.context * (width + height)
-        window = float(np.sqrt((width + margin) * (height + margin)))
-        self.centre = self.quad.mean(0)
-        self.unit = window / c.template_size  # template px per crop px
-        self.fill = tuple(float(v) for v in seen.image.reshape(-1, 3)[::97].mean(0))
-
-        template = colour.crop(self._window(c.template_size), c.template_size, c.template_size, self.fill)
-        self.kernels = self.engine.encode_template(template, self._polar_crop(template))
-        view = self.quad if c.residual_rectified else self.centre + square(1) * np.sqrt(width * height)
-        self.outline = from_corners(square(c.residual_size), view)  # residual crop to template
-        self.residual_template = colour.crop(self.outline, c.residual_size, c.residual_size)
+        self.proposer = Proposer(self.engine, seen, self.quad, self.stages)
         self.refiner = Refiner(seen.grey, self.quad)
         self.redetector = Redetector(seen, self.quad)
         self.place(np.eye(3))
+        self._seen: tuple[Pyramid, ...] = (seen.grey,)  # the last frame and the one before
 
     def place(self, homography: Array) -> None:
         """Goes on from a known pose: (3, 3), reference-frame pixels to those of the frame before the next."""
         self.homography = self.previous = normalised(homography)
         self.missed = 0
+        self._seen = ()
+        self._attached = False  # to what surrounds the target
 
     def lose(self) -> None:
         """Counts the target as lost, as after a cut: the next frame is searched as a whole."""
         self.missed = HOLD_FRAMES
 
-    def propose(self, frame: Observation) -> tuple[Array, Evidence]:
-        """HDN's three stages from the last pose, and no more: (3, 3) reference frame to this one, with evidence."""
-        return self._hdn(frame.colour, self.homography)
+    def propose(self, frame: Image | Observation) -> Proposal:
+        """HDN's three stages from the last pose, and no more; the tracker does not move."""
+        return self.proposer.propose(_observed(frame).colour, self.homography)
 
     def track(self, frame: Image | Observation) -> Estimate:
         """Finds the target in the next RGB frame (H, W, 3)."""
         seen = _observed(frame)
-        homography, evidence = self._locate(seen.colour, seen.grey)
-        found = is_fix(evidence)
-        if not found and self.missed >= 2:
-            again = self.redetector.find(seen)
-            if again is not None and self._plausible(again):
-                candidate, agreement = self._refine(seen.grey, again)
-                if agreement > FIX_WITHOUT_HDN and self._plausible(candidate):
-                    homography, found = candidate, True
-                    evidence = replace(evidence, residual=0.0, distance_ratio=1.0, agreement=agreement)
+        finding = self._locate(seen)
+        if not is_fix(finding.evidence) and self.missed >= 2:
+            finding = self._search(seen)
+        found = is_fix(finding.evidence)
         if found:
-            self.previous = self.homography if self.missed == 0 else homography
-            self.homography, self.missed = homography, 0
+            self.previous = self.homography if self.missed == 0 else finding.homography
+            self.homography, self.missed = finding.homography, 0
         else:
-            self.previous = self.homography
+            self._carry_on(seen.grey)
             self.missed += 1
+        self._seen = (seen.grey, *self._seen[:1])
         state: State = "tracked" if found else "held" if self.missed <= HOLD_FRAMES else "lost"
-        confidence = evidence.agreement if found else 0.5 * evidence.agreement
-        return Estimate(self.homography, transform(self.homography, self.quad), state, confidence, evidence)
+        confidence = finding.evidence.agreement * (1.0 if found else 0.5)
+        corners = transform(self.homography, self.quad)
+        return Estimate(self.homography, corners, state, confidence, finding.visibility * found, finding.evidence)
 
-    def _locate(self, colour: Pyramid, grey: Pyramid) -> tuple[Array, Evidence]:
+    def _carry_on(self, grey: Pyramid) -> None:
+        """Moves the pose of a hidden target with its surroundings, if it did move with them while it was seen."""
+        if self.missed == 0:
+            self._attached = self._moved_with_surroundings()
+        step = None
+        if self._attached and self.missed < HOLD_FRAMES and self._seen:
+            step = surrounding_motion(self._seen[0], grey, transform(self.homography, self.quad))
+        moved = self.homography if step is None else normalised(step @ self.homography)
+        self._attached = step is not None and self._plausible(moved)
+        if self._attached:
+            self.homography = moved
+        self.previous = self.homography
+
+    def _moved_with_surroundings(self) -> bool:
+        """Whether the target's last step, between the last two frames, was that of what surrounds it."""
+        if len(self._seen) < 2:
+            return False
+        corners, before = transform(self.homography, self.quad), transform(self.previous, self.quad)
+        step = surrounding_motion(self._seen[1], self._seen[0], before)
+        if step is None:
+            return False
+        difference = np.linalg.norm(transform(step, before) - corners, axis=1).mean()
+        return bool(difference < max(ATTACHED_PX, ATTACHED_SHARE * np.linalg.norm(corners - before, axis=1).mean()))
+
+    def _locate(self, seen: Observation) -> "_Finding":
         """HDN's three stages from the last pose, refined; where that does not convince, refinement alone."""
-        homography, evidence = self._hdn(colour, self.homography)
+        proposal = self.propose(seen)
         if "refinement" not in self.stages:
-            found = evidence.score >= TRUSTED_SCORE or "similarity" not in self.stages
-            return homography, replace(evidence, agreement=float(found))
-        best, agreement = self._refine(grey, homography)
-        if agreement < FIX and evidence.score >= TRUSTED_SCORE:
+            return _unrefined(proposal)
+        best = self._refine(seen.grey, proposal.homography, proposal)
+        if best.evidence.agreement < FIX and proposal.score >= TRUSTED_SCORE:
             # A large motion is found in two goes: the second starts where the first came to.
-            homography, again = self._hdn(colour, homography)
-            other, other_agreement = self._refine(grey, homography)
-            if other_agreement > agreement:
-                best, agreement, evidence = other, other_agreement, again
-        if agreement < SURE:
+            again = self.proposer.propose(seen.colour, proposal.homography)
+            best = max(best, self._refine(seen.grey, again.homography, again), key=_agreement)
+        if best.evidence.agreement < SURE:
             # Where much is hidden, what the visible part leaves open had better follow the motion so far.
             for start in (self._predicted(), self.homography):
-                other, other_agreement = self._refine(grey, start)
-                if other_agreement > agreement - 0.02:
-                    best, agreement = other, other_agreement
-                    break
-        if not self._plausible(best):
-            agreement = 0.0
-        return best, replace(evidence, agreement=agreement)
+                other = self._refine(seen.grey, start, proposal)
+                if _agreement(other) > _agreement(best) - 0.02:
+                    return other
+        return best
 
-    def _hdn(self, colour: Pyramid, start: Array) -> tuple[Array, Evidence]:
-        """H_start . H_similarity . H_residual (paper, eq. 1 and 2)."""
-        homography, evidence = start, Evidence(1.0, 1.0)
-        if "similarity" in self.stages:
-            homography, evidence = self._similarity(colour, homography)
-        if "residual" in self.stages:
-            homography, length, ratio = self._residual(colour, homography)
-            evidence = replace(evidence, residual=length, distance_ratio=ratio)
-        return normalised(homography), evidence
+    def _search(self, seen: Observation) -> "_Finding":
+        """Looks for a lost target anywhere in the frame: by keypoints in one frame, by HDN's windows in the next."""
+        if self.missed % 2 == 0:
+            found = self.redetector.find(seen)
+            if found is None or not self._plausible(found):
+                return _Finding(self.homography, Evidence(), np.zeros((CELLS, CELLS)))
+            proposal = Proposal(
+                found, 1.0, 1.0, 0.0, np.ones((1, 1), np.float32)
+            )  # keypoints vouch for it as HDN would
+        else:
+            proposal = self.proposer.propose(seen.colour, self._sweep(seen.colour))
+        return self._refine(seen.grey, proposal.homography, proposal)
 
-    def _similarity(self, colour: Pyramid, start: Array) -> tuple[Array, Evidence]:
-        """Translation, then rotation and scale on a log-polar crop about where it led."""
-        c = self.config
-        n = c.search_size
-        search = colour.crop(start @ self._window(n), n, n, self.fill)
-        shift = self.engine.translation(self.kernels[0], search)
-        at = np.array([shift.x, shift.y])
-        if shift.score < TRUSTED_SCORE:
-            at = np.zeros(2)
-        window = start @ translation(*(at * self.unit)) @ self._window(c.template_size)
-        around = colour.crop(window, c.template_size, c.template_size, self.fill)
-        polar = self.engine.polar(self.kernels[1], self._polar_crop(around))
-        trusted = min(shift.score, polar.score) >= TRUSTED_SCORE
-        scale = float(np.exp(polar.x * c.log_scale_per_pixel)) if trusted else 1.0
-        rotation = polar.y * c.radians_per_pixel if trusted else 0.0
-        to_centre = translation(*self.centre)
-        moved = similarity(scale, rotation, *(at * self.unit))
-        return start @ to_centre @ moved @ np.linalg.inv(to_centre), Evidence(shift.score, polar.score)
+    def _sweep(self, colour: Pyramid) -> Array:
+        """The last pose, moved to the window of the frame whose translation score is best, at one scale a frame."""
+        scale = SCALES[self.missed // 2 % len(SCALES)]
+        size = scale * np.sqrt(abs(area(transform(self.homography, self.quad)) / area(self.quad)))
+        columns, rows = (max(1, round(side / (self.proposer.reach * size))) for side in colour.size)
+        if columns * rows > MOST_WINDOWS:
+            return self.homography
+        here = transform(self.homography, self.proposer.centre[None])[0]
+        smaller = similarity(scale, 0, 0, 0) @ translation(*-here) @ self.homography
+        width, height = colour.size[0] / columns, colour.size[1] / rows
+        starts = [
+            translation((column + 0.5) * width, (row + 0.5) * height) @ smaller
+            for row in range(rows)
+            for column in range(columns)
+        ]
+        return max(starts, key=lambda start: self.proposer.score(colour, start))
 
-    def _residual(self, colour: Pyramid, start: Array) -> tuple[Array, float, float]:
-        """Corner offsets of what is left; also their mean length, px of the crop, and how far they close the gap."""
-        c = self.config
-        crop = colour.crop(start @ self.outline, c.residual_size, c.residual_size)
-        residual = self.engine.residual(self.residual_template, crop)
-        ratio = residual.distance_after / max(residual.distance_before, 1e-6)
-        corners = square(c.residual_size)
-        length = float(np.linalg.norm(residual.offsets, axis=1).mean())
-        if ratio >= 1 or not is_convex(corners + residual.offsets):
-            return start, length, ratio
-        step = from_corners(corners, corners + residual.offsets)
-        return start @ self.outline @ step @ np.linalg.inv(self.outline), length, ratio
-
-    def _refine(self, grey: Pyramid, start: Array) -> tuple[Array, float]:
+    def _refine(self, grey: Pyramid, start: Array, proposal: Proposal) -> "_Finding":
+        """Photometric alignment from a start, and what it says of it together with a proposal."""
         homography = self.refiner.align(grey, start)
-        if not np.isfinite(homography).all():
-            return start, 0.0
-        return homography, self.refiner.agreement(grey, homography).share
+        evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(proposal.visible.mean()))
+        if not (np.isfinite(homography).all() and self._plausible(homography)):
+            return _Finding(start, evidence, np.zeros((CELLS, CELLS)))
+        agreement = self.refiner.agreement(grey, homography)
+        evidence = replace(evidence, agreement=agreement.share, cohesion=agreement.cohesion)
+        # Where there is no texture to compare, the network's word for it.
+        visibility = np.where(agreement.textured, agreement.agrees, _cells(proposal.visible)) * agreement.in_frame
+        return _Finding(homography, evidence, visibility)
 
     def _predicted(self) -> Array:
         """The pose that the last frame's motion leads to."""
@@ -241,38 +227,30 @@ class Tracker:
         ratio = area(corners) / area(self.quad)
         return bool((w > 0).all()) and is_convex(corners) and 0.01 < ratio < 50
 
-    def _window(self, size: int) -> Array:
-        """Crop pixels to template pixels for a crop of this size about the target's centre."""
-        middle = (size - 1) / 2
-        return np.array(
-            [
-                [self.unit, 0, self.centre[0] - middle * self.unit],
-                [0, self.unit, self.centre[1] - middle * self.unit],
-                [0, 0, 1.0],
-            ]
-        )
 
-    def _polar_crop(self, crop: Image) -> Image:
-        """Log-polar crop about a crop's centre."""
-        points = self._points + np.float32((crop.shape[0] - 1) / 2)
-        return np.asarray(cv2.remap(crop, points, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+class _Finding(NamedTuple):
+    """A pose (3, 3), what speaks for it, and which cells (8, 8) of the target are seen, 0..1."""
+
+    homography: Array
+    evidence: Evidence
+    visibility: Array
 
 
-TRUSTED_SCORE = 0.3  # of a similarity branch, below which its motion is not followed
-SURE = 0.85  # agreement beyond which no other start is tried
-FIX = 0.4  # agreement that makes a fix where HDN's evidence is positive
-FIX_WITHOUT_HDN = 0.55  # and where it is that of a negative pair
+def _agreement(finding: _Finding) -> float:
+    return finding.evidence.agreement
 
 
-def is_fix(evidence: Evidence) -> bool:
-    """Whether the evidence says that the target was found.
+def _unrefined(proposal: Proposal) -> _Finding:
+    """A proposal taken as it is, judged by its scores alone."""
+    visible = float(proposal.visible.mean())
+    found = min(proposal.score, proposal.polar_score) >= TRUSTED_SCORE and visible >= SEEN
+    evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, visible, float(found))
+    return _Finding(proposal.homography, evidence, _cells(proposal.visible))
 
-    A negative pair shows as a low score and offsets pulled to zero with a feature distance that does not fall; then the
-    photometric agreement has to be the stronger.
-    """
-    pulled_to_zero = evidence.residual < 0.5 and evidence.distance_ratio > 0.97
-    negative = evidence.score < TRUSTED_SCORE or pulled_to_zero
-    return evidence.agreement >= (FIX_WITHOUT_HDN if negative else FIX)
+
+def _cells(visible: Floats) -> Array:
+    """A map of the target at any resolution as (8, 8)."""
+    return np.asarray(cv2.resize(visible, (CELLS, CELLS), interpolation=cv2.INTER_AREA), np.float64)
 
 
 def check_quad(quad: Array, width: int, height: int) -> None:

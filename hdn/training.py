@@ -18,9 +18,9 @@ from .config import COMPACT, Config
 from .errors import InputError
 from .homography import dlt
 from .polar import polar_crop, polar_points
-from .residual import ResidualNetwork, standardise
+from .residual import STRIDE, ResidualNetwork, geometry
 from .similarity import SimilarityNetwork
-from .synthesis import Photos, ResidualBatch, SimilarityBatch, pixel_grid, project, residual_batch, similarity_batch
+from .synthesis import Photos, ResidualBatch, SimilarityBatch, project, residual_batch, similarity_batch
 
 HELD_OUT = ("kodak", "clic2025", "urban100")  # folders of photographs that training never sees
 SUFFIXES = {".webp", ".jpg", ".jpeg", ".png"}
@@ -86,6 +86,9 @@ def similarity_loss(config: Config, outputs: tuple[Tensor, ...], batch: Similari
     probability = logits.softmax(1)[:, 1]
     near = (points - motion.shift[:, None, None]).norm(dim=-1) < 2 * config.stride
     loss = losses.classification_loss(probability, label)
+    loss = loss + losses.peak_loss(
+        logits[:, 1] - logits[:, 0], (motion.shift - points[0, 0]) / config.stride, batch.positive
+    )
     loss = loss + losses.offset_loss(offsets, points, motion.shift, near & positive, config.stride)
 
     truth = polar_truth(config, batch)
@@ -111,23 +114,26 @@ def decode(logits: Tensor, offsets: Tensor, stride: int) -> tuple[Tensor, Tensor
     return points - at * stride, best.values
 
 
-def warp_grid(offsets: Tensor, size: int) -> Tensor:
-    """Where each pixel of the search crop looks into the template, (B, n, n, 2) in -1..1: the paper's W(T, H)."""
-    corners = torch.tensor([[-1.0, -1], [1, -1], [1, 1], [-1, 1]], device=offsets.device) * size / 2
-    to_template = torch.linalg.inv(dlt(offsets, corners))
-    return project(to_template, pixel_grid(size, offsets.device)).reshape(-1, size, size, 2) * (2 / size)
-
-
 def residual_loss(network: ResidualNetwork, batch: ResidualBatch) -> Tensor:
-    """L_Lambda (paper) with its weights: 1 for negatives, 1 for the triplet, 0.25 for the corners."""
-    template, search = standardise(batch.template), standardise(batch.search)
-    truth, positive = batch.offsets, batch.positive
-    offsets, embedded_template, embedded_search = network(template, search)
-    grid = warp_grid(offsets[positive], template.shape[-1])
-    warped = network.extractor(F.grid_sample(template[positive], grid, padding_mode="border", align_corners=False))
-    triplet = losses.triplet_loss(embedded_search[positive], warped, embedded_template[positive])
-    corner = losses.corner_loss(offsets[positive], truth[positive])
-    return losses.negative_loss(offsets[~positive]) + triplet + 0.25 * corner
+    """The paper's corner and negative losses, and what teaches the matches: where points are, and which are seen."""
+    size = batch.template.shape[-1]
+    template, search = network.describe(torch.cat([batch.template, batch.search])).chunk(2)
+    matches = network.match(template, search)
+    offsets = network.fit(matches.displacement, matches.weight)
+    source, cells, _ = geometry(size, offsets.device)
+    corners = torch.tensor([[-1.0, -1], [1, -1], [1, 1], [-1, 1]], device=offsets.device) * size / 2
+    place = project(dlt(batch.offsets, corners), source)  # (B, M, 2) true places, px from the crop's centre
+    within = (place.abs() < size / 2 - 2).all(2)
+    clear = F.grid_sample(batch.clear, place[:, None] * (2 / size), align_corners=False)[:, 0, 0]
+    visible = clear * within * batch.positive[:, None]
+    n = round(len(cells) ** 0.5)
+    seen = visible > 0.5
+    matching = losses.matching_loss(matches.probability, (place - cells[0]) / STRIDE, seen, n)
+    moved = F.smooth_l1_loss(matches.displacement[seen], (place - source)[seen], beta=0.5)
+    visibility = F.binary_cross_entropy_with_logits(matches.visible, visible)
+    positive = batch.positive & (visible.mean(1) > 0.15)
+    corner = losses.corner_loss(offsets[positive], batch.offsets[positive])
+    return losses.negative_loss(offsets[~batch.positive]) + 0.25 * corner + 0.5 * matching + moved + visibility
 
 
 def percentiles(name: str, errors: Tensor) -> str:
@@ -175,17 +181,24 @@ def validate_similarity(network: SimilarityNetwork, features: Features, photos: 
 def validate_residual(network: ResidualNetwork, photos: Photos, size: int, batches: int) -> str:
     """Median / 90th percentile of the mean corner error on held-out photographs."""
     network.eval()
-    errors, norms = [], []
+    errors, norms, seen, truly = [], [], [], []
     with torch.random.fork_rng():
         torch.manual_seed(1)
         for _ in range(batches):
-            batch = residual_batch(photos, 32, size, occluded=0)
-            offsets, _, _ = network(standardise(batch.template), standardise(batch.search))
+            batch = residual_batch(photos, 32, size, reach=12, occluded=0, gentle=0)
+            template, search = (network.describe(x) for x in (batch.template, batch.search))
+            matches = network.match(template, search)
+            offsets = network.fit(matches.displacement, matches.weight)
+            seen.append(matches.visible.sigmoid().mean(1).cpu())
+            truly.append(batch.positive.cpu())
             positive = batch.positive
             errors.append((offsets - batch.offsets)[positive].norm(dim=2).mean(1).cpu())
             norms.append(offsets[~positive].norm(dim=2).mean(1).cpu())
     network.train()
-    return f"{percentiles('corner px', torch.cat(errors))}, {percentiles('negatives px', torch.cat(norms))}"
+    visible, positives = torch.cat(seen), torch.cat(truly)
+    area = roc_area(visible[positives], visible[~positives])
+    corners, negatives = percentiles("corner px", torch.cat(errors)), percentiles("negatives px", torch.cat(norms))
+    return f"{corners}, {negatives}, visible AUC {area:.3f}"
 
 
 def train(
@@ -205,7 +218,7 @@ def train(
 ) -> None:
     """Trains one component; goes on from `out`/`component`.pt where that is there.
 
-    The learning rate warms up over 500 steps and then falls along a cosine to zero at `steps`.
+    The learning rate warms up over 200 steps and then falls along a cosine to zero at `steps`.
     """
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
@@ -227,7 +240,7 @@ def train(
     parameters = [p for p in network.parameters() if p.requires_grad]
     optimizer = torch.optim.AdamW(parameters, rate, weight_decay=1e-4)
     schedule = torch.optim.lr_scheduler.LambdaLR(
-        optimizer, lambda step: min((step + 1) / 500, 0.5 + 0.5 * math.cos(math.pi * min(step / steps, 1)))
+        optimizer, lambda step: min((step + 1) / 200, 0.5 + 0.5 * math.cos(math.pi * min(step / steps, 1)))
     )
     start = 0
     if checkpoint.exists():
@@ -246,8 +259,8 @@ def train(
     def loss_of_a_batch() -> Tensor:
         if component == "similarity":
             batch = similarity_batch(photos, batch_size, config.template_size, search_size, config.context)
-            return similarity_loss(config, similarity_outputs(similarity, features, batch, points, 2.0), batch)
-        return residual_loss(residual, residual_batch(photos, batch_size, config.residual_size))
+            return similarity_loss(config, similarity_outputs(similarity, features, batch, points, 3.0), batch)
+        return residual_loss(residual, residual_batch(photos, batch_size, config.residual_size, reach=16, occluded=0.4))
 
     def validation() -> str:
         if component == "similarity":

@@ -24,7 +24,7 @@ class Hdn(nn.Module):
         super().__init__()
         self.config = config
         self.similarity = SimilarityNetwork(config)
-        self.residual = ResidualNetwork(config) if config.residual == "plain" else PaperResidual(config)
+        self.residual = ResidualNetwork(config) if config.residual == "matching" else PaperResidual(config)
 
 
 def save(network: Hdn, path: Path, notes: dict[str, str]) -> None:

@@ -77,3 +77,22 @@ def test_triplet_loss_vanishes_once_the_warp_is_nearer_by_the_margin() -> None:
     search, template = torch.zeros(1, 1, 2, 2), torch.full((1, 1, 2, 2), 3.0)
     assert float(losses.triplet_loss(search, search + 1.5, template)) == 0
     assert float(losses.triplet_loss(search, search + 2.5, template)) == pytest.approx(0.5)
+
+
+def test_matching_loss_is_the_cross_entropy_of_the_four_cells_around_the_truth() -> None:
+    probability = torch.full((1, 1, 9), 0.05)
+    probability[0, 0, 4], probability[0, 0, 5] = 0.4, 0.25
+    target = torch.tensor([[[1.25, 1.0]]])
+    loss = losses.matching_loss(probability, target, torch.tensor([[True]]), 3)
+    assert float(loss) == pytest.approx(-0.75 * math.log(0.4) - 0.25 * math.log(0.25))
+    assert float(losses.matching_loss(probability, target, torch.tensor([[False]]), 3)) == 0
+
+
+def test_peak_loss_counts_positives_only() -> None:
+    score = torch.zeros(2, 3, 3)
+    score[0, 2, 1] = math.log(8)
+    target = torch.tensor([[1.0, 2.0], [0.0, 0.0]])
+    assert float(losses.peak_loss(score, target, torch.tensor([True, False]))) == pytest.approx(math.log(2))
+    assert float(losses.peak_loss(score, target, torch.tensor([True, True]))) == pytest.approx(
+        (math.log(2) + math.log(9)) / 2
+    )

@@ -9,7 +9,9 @@ import torch
 from hdn.config import COMPACT, PAPER
 from hdn.engine import Engine, _decode
 from hdn.polar import polar_crop, polar_points
-from hdn.residual import standardise
+from hdn.homography import dlt, square
+from hdn.residual import ResidualNetwork, geometry, standardise
+from hdn.synthesis import project
 from hdn.weights import Hdn
 
 from .scenes import texture
@@ -69,9 +71,38 @@ def agree(ours: Engine, theirs: Engine) -> None:
         expected = (their_shift.x, their_shift.y, their_shift.score)
         assert (shift.x, shift.y, shift.score) == pytest.approx(expected, abs=0.02)
     before, after = crops(c.residual_size, 2), crops(c.residual_size, 3)
-    residual, their_residual = ours.residual(before, after), theirs.residual(before, after)
-    np.testing.assert_allclose(residual.offsets, their_residual.offsets, atol=0.02)
-    assert residual.distance_after == pytest.approx(their_residual.distance_after, rel=0.02)
+    residual, theirs_says = (e.residual(e.describe(before), after) for e in (ours, theirs))
+    np.testing.assert_allclose(residual.offsets, theirs_says.offsets, atol=0.02)
+    np.testing.assert_allclose(residual.visible, theirs_says.visible, atol=0.02)
+
+
+def homography_field(network: ResidualNetwork, offsets: torch.Tensor) -> torch.Tensor:
+    """Displacements (1, M, 2) of the points that the network looks up, under given corner offsets."""
+    source, _, _ = geometry(network.size, offsets.device)
+    corners = torch.from_numpy(square(network.size)) - (network.size - 1) / 2
+    return project(dlt(offsets, corners), source) - source
+
+
+def test_the_fit_follows_exact_matches_and_ignores_those_without_weight(network: Hdn) -> None:
+    residual = network.residual
+    offsets = torch.tensor([[[5.0, -3], [-4, 6], [2, 8], [-7, -1]]])
+    field = homography_field(residual, offsets)
+    weight = torch.ones(1, field.shape[1])
+    torch.testing.assert_close(residual.fit(field, weight), offsets, atol=0.15, rtol=0)
+    weight[:, ::3] = 0
+    field[:, ::3] += 20
+    torch.testing.assert_close(residual.fit(field, weight), offsets, atol=0.2, rtol=0)
+
+
+def test_without_trust_the_corners_stay(network: Hdn) -> None:
+    field = homography_field(network.residual, torch.full((1, 4, 2), 9.0))
+    assert float(network.residual.fit(field, torch.zeros(1, field.shape[1])).abs().max()) < 1e-6
+
+
+def test_the_fit_is_differentiable(network: Hdn) -> None:
+    field = homography_field(network.residual, torch.full((1, 4, 2), 3.0)).double().requires_grad_()
+    weight = torch.rand(1, field.shape[1], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda f, w: network.residual.fit(f, w), (field, weight), fast_mode=True)
 
 
 def test_a_map_without_any_score_still_decodes() -> None:

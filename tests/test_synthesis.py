@@ -26,7 +26,7 @@ def photos(tmp_path_factory: pytest.TempPathFactory) -> Photos:
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without light, blur and noise, pairs can be compared pixel by pixel."""
     torch.manual_seed(0)
-    for name in ("relight", "blur", "coarsen", "cut_by_border", "occlude"):
+    for name in ("relight", "blur", "coarsen"):
         monkeypatch.setattr(synthesis, name, lambda *args: next(a for a in args if isinstance(a, torch.Tensor)))
 
 
@@ -41,20 +41,20 @@ def difference(template: torch.Tensor, search: torch.Tensor, matrix: torch.Tenso
 
 
 def test_search_shows_the_target_moved_by_the_homography(photos: Photos) -> None:
-    batch = similarity_batch(photos, 16, 127, 255, 0.5, negatives=0.3)
+    batch = similarity_batch(photos, 16, 127, 255, 0.5, negatives=0.3, occluded=0)
     off = difference(batch.template, batch.search, batch.motion.matrix, batch.target)
     assert off[batch.positive].max() < 12
     assert off[~batch.positive].mean() > 25
 
 
 def test_the_homography_is_the_similarity_at_the_target_s_centre(photos: Photos) -> None:
-    motion = similarity_batch(photos, 16, 127, 255, 0.5).motion
+    motion = similarity_batch(photos, 16, 127, 255, 0.5, occluded=0).motion
     centre = project(motion.matrix, torch.zeros(1, 2))[:, 0]
     torch.testing.assert_close(centre, motion.shift, atol=1e-4, rtol=0)
 
 
 def test_residual_offsets_are_where_the_corners_went(photos: Photos) -> None:
-    batch = residual_batch(photos, 16, 128, negatives=0.3)
+    batch = residual_batch(photos, 16, 128, reach=12, negatives=0.3, occluded=0)
     corners = torch.from_numpy(square(128)).float() - 63.5
     matrix = dlt(batch.offsets, corners)
     off = difference(batch.template, batch.search, matrix, torch.full((16, 2), 60.0))
@@ -62,6 +62,17 @@ def test_residual_offsets_are_where_the_corners_went(photos: Photos) -> None:
     assert off[~batch.positive].mean() > 25
     assert batch.offsets[batch.positive].abs().max() <= 12
     assert (batch.offsets[~batch.positive] == 0).all()
+
+
+def test_what_hides_the_target_is_known(photos: Photos) -> None:
+    torch.manual_seed(0)
+    crops = torch.zeros(32, 3, 64, 64)
+    occluded, hidden = synthesis.occlude(photos, crops, 1.0, torch.zeros(32, 2), 64)
+    assert (occluded[(hidden == 0).expand_as(crops)] == 0).all()
+    assert (hidden.amax((1, 2, 3)) > 0.5).float().mean() > 0.9
+    share = hidden.mean((1, 2, 3))
+    assert share.max() < 0.85
+    assert share.std() > 0.1
 
 
 def test_unreadable_images_are_named(tmp_path: Path) -> None:

@@ -3,7 +3,8 @@ import pytest
 
 from hdn import InputError, Tracker
 from hdn.engine import Engine
-from hdn.tracker import HOLD_FRAMES, Evidence, is_fix
+from hdn.evidence import Evidence, is_fix
+from hdn.tracker import HOLD_FRAMES
 
 from .scenes import Scene, error, moved, path
 
@@ -79,18 +80,33 @@ def test_partly_covered_is_still_tracked_with_less_confidence(tracker: Tracker, 
     assert estimate.state == "tracked"
     assert estimate.confidence < 0.9
     assert error(estimate.corners, scene.quad) < 3
+    assert estimate.visibility[:, :2].mean() < 0.2  # what lies left of x = 130 is hidden
+    assert estimate.visibility[:, 3:].mean() > 0.8
+
+
+def test_behind_a_bar_that_hides_two_thirds_it_is_still_tracked(tracker: Tracker, scene: Scene) -> None:
+    for step in range(1, 11):
+        truth = moved(scene.quad, (1.5 * step, -step))
+        frame = scene.draw(truth)
+        left = int(truth[0, 0])
+        frame[:, left : left + int(7.8 * step)] = (120, 120, 118)
+        estimate = tracker.track(frame)
+        assert estimate.state == "tracked"
+        assert error(estimate.corners, truth) < 6
 
 
 @pytest.mark.parametrize(
     ("evidence", "fix"),
     [
-        (Evidence(score=0.9, residual=3, distance_ratio=0.6, agreement=0.45), True),
-        (Evidence(score=0.1, residual=3, distance_ratio=0.6, agreement=0.45), False),
-        (Evidence(score=0.9, residual=0.1, distance_ratio=1.0, agreement=0.45), False),
-        (Evidence(score=0.1, residual=0.1, distance_ratio=1.0, agreement=0.95), True),
-        (Evidence(score=0.9, residual=3, distance_ratio=0.6, agreement=0.2), False),
+        (Evidence(score=0.9, residual=3, visible=0.6, agreement=0.45), True),
+        (Evidence(score=0.1, residual=3, visible=0.6, agreement=0.45), False),
+        (Evidence(score=0.9, residual=0.1, visible=0.0, agreement=0.45), False),
+        (Evidence(score=0.1, residual=0.1, visible=0.0, agreement=0.95), True),
+        (Evidence(score=0.9, residual=3, visible=0.6, agreement=0.2), False),
+        (Evidence(score=0.9, residual=3, visible=0.3, agreement=0.25, cohesion=0.2), True),
+        (Evidence(score=0.1, residual=3, visible=0.0, agreement=0.25, cohesion=0.15), False),
     ],
-    ids=["positive", "low score", "offsets pulled to zero", "negative but agreeing", "not agreeing"],
+    ids=["positive", "low score", "offsets pulled to zero", "negative but agreeing", "not agreeing", "a patch", "a patch of a negative"],
 )
 def test_negative_evidence_asks_for_stronger_agreement(evidence: Evidence, fix: bool) -> None:
     assert is_fix(evidence) is fix

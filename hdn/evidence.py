@@ -1,0 +1,41 @@
+"""What the stages say about a frame, and whether it shows the target."""
+
+from dataclasses import dataclass
+
+TRUSTED_SCORE = 0.3  # of a similarity branch, below which its motion is not followed
+SEEN = 0.1  # share of the target that the residual component sees, below which the pair counts as negative
+# What makes a fix: the share of the visible target that agrees, or a patch of it that hangs together, as beside an
+# occluder. Patches of 0.08 come about by chance in one frame of a hundred that does not show the target.
+FIX, PATCH = 0.4, 0.14
+FIX_WITHOUT_HDN, PATCH_WITHOUT_HDN = 0.55, 0.2  # the same where HDN takes the pair for a negative one
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the stages say about one frame; the negative-sample behaviour among it.
+
+    Attributes:
+        score, polar_score: classification scores of the two similarity branches, 0..1.
+        residual: mean length of the residual's corner offsets, px of its crop; negatives pull it to zero.
+        visible: share of the target that the residual component sees; negatives pull it to zero too.
+        agreement: share of the target's visible cells that agree with the template after refinement, 0..1.
+        cohesion: the largest adjoining patch of it, as a share of the whole target.
+    """
+
+    score: float = 0.0
+    polar_score: float = 0.0
+    residual: float = 0.0
+    visible: float = 0.0
+    agreement: float = 0.0
+    cohesion: float = 0.0
+
+
+def is_fix(evidence: Evidence) -> bool:
+    """Whether the evidence says that the target was found.
+
+    A negative pair shows as a low score or as offsets pulled to zero with nothing seen; then the photometric agreement
+    has to be the stronger.
+    """
+    negative = evidence.score < TRUSTED_SCORE or evidence.visible < SEEN
+    fix, patch = (FIX_WITHOUT_HDN, PATCH_WITHOUT_HDN) if negative else (FIX, PATCH)
+    return evidence.agreement >= fix or evidence.cohesion >= patch

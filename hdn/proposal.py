@@ -1,0 +1,119 @@
+"""HDN's three stages on one frame: where the target has gone from a given pose.
+
+Paper, eqs. 1 and 2: H = H_start . H_similarity . H_residual. Crops are sampled straight from the frame.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from .engine import Engine, Floats
+from .evidence import SEEN, TRUSTED_SCORE
+from .homography import Array, from_corners, is_convex, normalised, similarity, square, translation
+from .observation import Observation
+from .polar import polar_points
+from .sampling import Image, Pyramid
+
+Stage = Literal["similarity", "residual", "refinement"]
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What the networks say.
+
+    Attributes:
+        homography: (3, 3) reference-frame pixels to the frame's.
+        score, polar_score: of the two similarity branches, 0..1.
+        residual: mean length of the residual's corner offsets, px of its crop; negatives pull it to zero.
+        visible: (m, m) probability that each part of the target is seen; negatives pull it to zero too.
+    """
+
+    homography: Array
+    score: float
+    polar_score: float
+    residual: float
+    visible: Floats
+
+
+class Proposer:
+    """The networks with what they keep of one target."""
+
+    def __init__(self, engine: Engine, frame: Observation, quad: Array, stages: frozenset[Stage]) -> None:
+        """Args: quad: (4, 2) the target in the reference frame, px."""
+        self.engine, self.stages = engine, stages
+        self.config = c = engine.config
+        self._points = polar_points(c)
+        low, high = quad.min(0), quad.max(0)
+        width, height = high - low
+        margin = c.context * (width + height)
+        window = float(np.sqrt((width + margin) * (height + margin)))
+        self.centre = quad.mean(0)
+        self.unit = window / c.template_size  # template px per crop px
+        self.fill = tuple(float(v) for v in frame.image.reshape(-1, 3)[::97].mean(0))
+
+        template = self._crop(frame.colour, self._window(c.template_size), c.template_size)
+        self.kernels = engine.encode_template(template, self._polar_crop(template))
+        view = quad if c.residual_rectified else self.centre + square(1) * np.sqrt(width * height)
+        self.outline = from_corners(square(c.residual_size), view)  # residual crop to template
+        self.template = engine.describe(frame.colour.crop(self.outline, c.residual_size, c.residual_size))
+
+    @property
+    def reach(self) -> float:
+        """How far from its middle one search crop finds the target, px of the reference frame."""
+        return (self.config.search_size - self.config.template_size) * self.unit
+
+    def propose(self, frame: Pyramid, start: Array) -> Proposal:
+        """The stages, from a pose (3, 3), in a colour frame."""
+        homography, score, polar_score = start, 1.0, 1.0
+        if "similarity" in self.stages:
+            homography, score, polar_score = self._similarity(frame, homography)
+        length, visible = 0.0, np.ones((1, 1), np.float32)
+        if "residual" in self.stages:
+            homography, length, visible = self._residual(frame, homography)
+        return Proposal(normalised(homography), score, polar_score, length, visible)
+
+    def score(self, frame: Pyramid, start: Array) -> float:
+        """The translation branch's score about a pose (3, 3)."""
+        n = self.config.search_size
+        return self.engine.translation(self.kernels[0], self._crop(frame, start @ self._window(n), n)).score
+
+    def _similarity(self, frame: Pyramid, start: Array) -> tuple[Array, float, float]:
+        """Translation, then rotation and scale on a log-polar crop about where it led; also the branches' scores."""
+        c = self.config
+        n = c.search_size
+        shift = self.engine.translation(self.kernels[0], self._crop(frame, start @ self._window(n), n))
+        at = np.array([shift.x, shift.y]) if shift.score >= TRUSTED_SCORE else np.zeros(2)
+        moved = start @ translation(*(at * self.unit))
+        around = self._crop(frame, moved @ self._window(c.template_size), c.template_size)
+        polar = self.engine.polar(self.kernels[1], self._polar_crop(around))
+        if min(shift.score, polar.score) < TRUSTED_SCORE:
+            return moved, shift.score, polar.score
+        to_centre = translation(*self.centre)
+        turned = similarity(np.exp(polar.x * c.log_scale_per_pixel), polar.y * c.radians_per_pixel, 0, 0)
+        return moved @ to_centre @ turned @ np.linalg.inv(to_centre), shift.score, polar.score
+
+    def _residual(self, frame: Pyramid, start: Array) -> tuple[Array, float, Floats]:
+        """Corner offsets of what is left; also their mean length and which parts are seen."""
+        n = self.config.residual_size
+        residual = self.engine.residual(self.template, frame.crop(start @ self.outline, n, n))
+        corners = square(n)
+        length = float(np.linalg.norm(residual.offsets, axis=1).mean())
+        if residual.visible.mean() < SEEN or not is_convex(corners + residual.offsets):
+            return start, length, residual.visible
+        step = from_corners(corners, corners + residual.offsets)
+        return start @ self.outline @ step @ np.linalg.inv(self.outline), length, residual.visible
+
+    def _window(self, size: int) -> Array:
+        """Crop pixels to template pixels for a crop of this size about the target's centre."""
+        x, y = self.centre - (size - 1) / 2 * self.unit
+        return np.array([[self.unit, 0, x], [0, self.unit, y], [0, 0, 1.0]])
+
+    def _crop(self, frame: Pyramid, crop_to_frame: Array, size: int) -> Image:
+        return frame.crop(crop_to_frame, size, size, self.fill)
+
+    def _polar_crop(self, crop: Image) -> Image:
+        """Log-polar crop about a crop's centre."""
+        points = self._points + np.float32((crop.shape[0] - 1) / 2)
+        return np.asarray(cv2.remap(crop, points, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
