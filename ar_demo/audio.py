@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Literal, cast
@@ -23,6 +23,7 @@ from .decode import picture_duration
 log = logging.getLogger(__name__)
 
 AudioMode = Literal["source", "ad", "mix", "none"]
+Warn = Callable[[str], None]
 Samples = NDArray[np.float32]  # (2, n): stereo at RATE, within -1 to 1
 
 RATE = 48000
@@ -38,21 +39,22 @@ class Audio:
     """What is to be heard. `attach` it to an output, then take `packets` as the picture goes on."""
 
     def __init__(self, mode: AudioMode, source: Path, ad: Path | None = None, playback: Playback = "loop") -> None:
-        """Sound that is asked for but not there is logged, and gone on without.
+        """Sound that is asked for but not there is gone on without; that, as other such things, is in `warnings`.
 
         source, ad: the files. playback: of the ad; a looped ad's sound is looped with its picture, else it plays once.
         """
-        self._source = source if mode in ("source", "mix") and _has_sound(source, "the video") else None
-        self._ad = ad if mode in ("ad", "mix") and ad and _has_sound(ad, "the ad") else None
+        self.warnings: list[str] = []
+        self._source = source if mode in ("source", "mix") and self._has_sound(source, "the video") else None
+        self._ad = ad if mode in ("ad", "mix") and ad and self._has_sound(ad, "the ad") else None
         self._loop = playback == "loop"
         self._feed: _Copy | _Encode | None = None
 
     def attach(self, output: OutputContainer) -> None:
         """Adds the sound's stream to a container that nothing has been written to yet."""
         if self._source is not None and self._ad is None:
-            self._feed = _Copy.attach(output, self._source)
+            self._feed = _Copy.attach(output, self._source, self._warn)
         if self._feed is None and (self._source or self._ad):
-            self._feed = _Encode(output, self._source, self._ad, self._loop)
+            self._feed = _Encode(output, self._source, self._ad, self._loop, self._warn)
 
     def packets(self, start: Fraction, until: Fraction) -> Iterator[Packet[AudioStream]]:
         """Packets not yet given out whose sound begins before `until`.
@@ -73,23 +75,30 @@ class Audio:
         if self._feed is not None:
             self._feed.close()
 
+    def _has_sound(self, path: Path, name: str) -> bool:
+        try:
+            with av.open(str(path)) as container:
+                found = any(stream.codec_context is not None for stream in container.streams.audio)
+        except (av.FFmpegError, OSError, ValueError):
+            found = False  # an image, say
+        if not found:
+            self._warn(f"{name} {path.name} has no sound: going on without it")
+        return found
 
-def _has_sound(path: Path, name: str) -> bool:
-    try:
-        with av.open(str(path)) as container:
-            found = any(stream.codec_context is not None for stream in container.streams.audio)
-    except (av.FFmpegError, OSError, ValueError):
-        found = False  # an image, say
-    if not found:
-        log.warning("%s %s has no sound: going on without it", name, path.name)
-    return found
+    def _warn(self, message: str) -> None:
+        if message not in self.warnings:
+            self.warnings.append(message)
+            log.warning(message)
 
 
 class _Copy:
     """Copies the packets of a file's first sound track, without touching what is in them."""
 
-    def __init__(self, container: InputContainer, stream: AudioStream, target: AudioStream, preroll: Fraction) -> None:
+    def __init__(
+        self, container: InputContainer, stream: AudioStream, target: AudioStream, preroll: Fraction, warn: Warn
+    ) -> None:
         self._container = container
+        self._warn = warn
         self._preroll = preroll
         self._target = target
         self._name = Path(container.name).name
@@ -98,8 +107,8 @@ class _Copy:
         self._next = self._read()
 
     @staticmethod
-    def attach(output: OutputContainer, source: Path) -> _Copy | None:
-        """None, and a line in the log, where the output's container does not take the source's codec."""
+    def attach(output: OutputContainer, source: Path, warn: Warn) -> _Copy | None:
+        """None, and a warning, where the output's container does not take the source's codec."""
         container = av.open(str(source))
         stream = container.streams.audio[0]
         name, muxer = stream.codec_context.name, output.format.name
@@ -109,17 +118,17 @@ class _Copy:
             target = output.add_stream_from_template(stream)
         except ValueError:
             container.close()
-            log.warning("%s takes no %s sound: the source's sound is encoded anew", muxer, name)
+            warn(f"{muxer} takes no {name} sound: the source's sound is encoded anew")
             return None
         # Matroska would shift everything, the picture too, so that nothing lies before zero; MP4 hides what does.
         shifts = muxer in ("matroska", "webm") and name != "opus"
-        return _Copy(container, stream, target, Fraction(0) if shifts else _PREROLL)
+        return _Copy(container, stream, target, Fraction(0) if shifts else _PREROLL, warn)
 
     def _read(self) -> Packet[AudioStream] | None:
         try:
             return next((packet for packet in self._packets if packet.pts is not None), None)
         except (av.FFmpegError, OSError):
-            log.warning("the sound of %s is damaged: it ends early", self._name)
+            self._warn(f"the sound of {self._name} is damaged: it ends early")
             return None
 
     def packets(self, start: Fraction, until: Fraction) -> Iterator[Packet[AudioStream]]:
@@ -145,7 +154,8 @@ class _Copy:
 class _Encode:
     """Decodes one or two tracks to 48 kHz stereo, adds them up and encodes the sum."""
 
-    def __init__(self, output: OutputContainer, source: Path | None, ad: Path | None, loop: bool) -> None:
+    def __init__(self, output: OutputContainer, source: Path | None, ad: Path | None, loop: bool, warn: Warn) -> None:
+        self._warn = warn
         self._source = source
         self._ad = ad
         self._loop = loop
@@ -157,8 +167,8 @@ class _Encode:
 
     def packets(self, start: Fraction, until: Fraction) -> Iterator[Packet[AudioStream]]:
         if self._tracks is None:
-            sources = [_samples(self._source, start)] if self._source else []
-            ads = [_ad_samples(self._ad, self._loop)] if self._ad else []
+            sources = [_samples(self._source, start, self._warn)] if self._source else []
+            ads = [_ad_samples(self._ad, self._loop, self._warn)] if self._ad else []
             self._tracks = [_Track(blocks) for blocks in sources + ads]
         wanted = round((until - start) * RATE)
         while self._written < wanted:
@@ -215,15 +225,15 @@ class _Track:
             close()
 
 
-def _ad_samples(path: Path, loop: bool) -> Iterator[Samples]:
+def _ad_samples(path: Path, loop: bool, warn: Warn) -> Iterator[Samples]:
     """The ad's sound from its first picture on; a looped ad's begins again exactly when its picture does."""
     if not loop:
-        yield from _samples(path, None)
+        yield from _samples(path, None, warn)
         return
     duration = picture_duration(path)
     for turn in itertools.count():
         count = round((turn + 1) * duration * RATE) - round(turn * duration * RATE)
-        track = _Track(_samples(path, None))
+        track = _Track(_samples(path, None, warn))
         while count > 0:
             block = track.read(min(count, _BLOCK))
             yield block
@@ -231,7 +241,7 @@ def _ad_samples(path: Path, loop: bool) -> Iterator[Samples]:
         track.close()
 
 
-def _samples(path: Path, start: Fraction | None) -> Iterator[Samples]:
+def _samples(path: Path, start: Fraction | None, warn: Warn) -> Iterator[Samples]:
     """A file's sound from `start` seconds (None: from its first picture) without gaps, as its timestamps place it."""
     with av.open(str(path)) as container:
         stream = container.streams.audio[0]
@@ -240,7 +250,7 @@ def _samples(path: Path, start: Fraction | None) -> Iterator[Samples]:
             first = pictures[0] if pictures else stream
             start = (first.start_time or 0) * (first.time_base or Fraction(0))
         done = 0
-        for time, block in _resampled(container, stream):
+        for time, block in _resampled(container, stream, warn):
             begin = done if time is None else round((time - start) * RATE)
             if abs(begin - done) > _GAP or (done == 0 and begin < 0):
                 block = block[:, max(0, done - begin) :]
@@ -253,10 +263,10 @@ def _samples(path: Path, start: Fraction | None) -> Iterator[Samples]:
                 done += block.shape[1]
 
 
-def _resampled(container: InputContainer, stream: AudioStream) -> Iterator[tuple[Fraction | None, Samples]]:
+def _resampled(container: InputContainer, stream: AudioStream, warn: Warn) -> Iterator[tuple[Fraction | None, Samples]]:
     """(time in seconds, samples) of each decoded piece of sound; a damaged piece is left out."""
     resampler, layout = AudioResampler("fltp", "stereo", RATE), None
-    frames = _decoded(container, stream)
+    frames = _decoded(container, stream, warn)
     for frame in itertools.chain(frames, [None]):
         now = (frame.format.name, frame.layout.name, frame.sample_rate) if frame else None
         ready = []
@@ -271,17 +281,15 @@ def _resampled(container: InputContainer, stream: AudioStream) -> Iterator[tuple
             yield time, cast(Samples, piece.to_ndarray())
 
 
-def _decoded(container: InputContainer, stream: AudioStream) -> Iterator[av.AudioFrame]:
-    damaged = False
+def _decoded(container: InputContainer, stream: AudioStream, warn: Warn) -> Iterator[av.AudioFrame]:
     packets = container.demux(stream)
     while True:
         try:
             packet = next(packets, None)
             frames = packet.decode() if packet is not None else []
         except (av.FFmpegError, OSError):
-            if not damaged:
-                log.warning("the sound of %s is damaged: what can be decoded is used", Path(container.name).name)
-            damaged, frames = True, []
+            warn(f"the sound of {Path(container.name).name} is damaged: what can be decoded is used")
+            frames = []
             if packet is None:
                 return
         if packet is None:

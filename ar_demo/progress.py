@@ -1,13 +1,28 @@
-"""A progress bar on stderr: stage, frames per second, state; nothing where stderr is no terminal."""
+"""How far the work is: what is called after each frame, and a progress bar on stderr that can be."""
 
 import sys
+from collections.abc import Callable
+from itertools import count
 from types import TracebackType
 
 from tqdm import tqdm
 
+# Called after each frame with what is being done, frames done, frames in all if known, and the frame's state.
+Progress = Callable[[str, int, int | None, str], None]
+
+
+def silent(stage: str, done: int, total: int | None, state: str) -> None:
+    """A progress callback that shows nothing."""
+
+
+def counted(progress: Progress, stage: str, done: int, total: int | None) -> Callable[[str], None]:
+    """To be called with each frame's state, counts the frames of a stage; done: how many are done already."""
+    numbers = count(done + 1)
+    return lambda state: progress(stage, next(numbers), total, state)
+
 
 class Bar:
-    """Called as a `Progress`; one bar per stage."""
+    """Called as a `Progress`; one bar per stage, with frames per second. Nothing where stderr is no terminal."""
 
     def __init__(self, quiet: bool) -> None:
         self.off = quiet or not sys.stderr.isatty()

@@ -1,7 +1,8 @@
-"""The render loop: the ad onto the tracked surface, frame by frame, into a video."""
+"""The render loop: ads onto their tracked surfaces, frame by frame, into a video."""
 
-import logging
 import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,23 +14,26 @@ from numpy.typing import NDArray
 from hdn.errors import InputError
 from hdn.homography import Array
 
-from .ads import Ad, open_ad
 from .audio import Audio
-from .compositor import Region, fit_region, open_compositor, quad_aspect
-from .effects import draw_outline, texture
-from .options import Options
+from .options import Options, Placing
+from .painting import Painter
+from .progress import Progress, silent
 from .smoothing import segments
 from .trackfile import Track
-from .tracking import Progress, silent
 from .video import VideoReader
 from .writer import VideoWriter
-
-log = logging.getLogger(__name__)
 
 FADE_SECONDS = 0.25  # that the ad takes to go and to come back
 GLIDE_SECONDS = 0.25  # before a lost surface is found, that a held ad takes to its place
 
-WHOLE: Region = (0.0, 0.0, 1.0, 1.0)
+
+@dataclass(frozen=True)
+class Layer:
+    """An ad, or an effect that needs none, on one tracked surface."""
+
+    ad: Path | str | None
+    track: Track
+    placing: Placing
 
 
 @dataclass
@@ -38,10 +42,12 @@ class Result:
 
     Attributes:
         output: the file written.
-        frames: frames in it; states: how many of them were tracked, held, lost.
+        frames: frames in it; states: how many of them were tracked, held, lost, over all surfaces.
         seconds: wall time of tracking and rendering; fps: frames per second of it.
         compositor: backend and renderer.
         warnings: what went differently from what was asked, one sentence each.
+        surfaces: of each surface its ad and the states of its frames.
+        dropped: frames of a live source that came too fast; None where there was no such source.
     """
 
     output: Path
@@ -50,6 +56,8 @@ class Result:
     seconds: float
     compositor: str
     warnings: list[str] = field(default_factory=list)
+    surfaces: list[dict[str, Any]] = field(default_factory=list)
+    dropped: int | None = None
 
     @property
     def fps(self) -> float:
@@ -60,6 +68,8 @@ class Result:
             "output": str(self.output),
             "frames": self.frames,
             "states": self.states,
+            "surfaces": self.surfaces,
+            **({} if self.dropped is None else {"dropped": self.dropped}),
             "seconds": round(self.seconds, 3),
             "fps": round(self.fps, 2),
             "compositor": self.compositor,
@@ -85,21 +95,32 @@ def render(
         InputError: files that cannot be read, a track of another video, an output that exists, unknown codec.
         RunError: the output cannot be written, the compositing backend is not available.
     """
+    return render_layers(input, [Layer(ad, track, options)], output, options, progress)
+
+
+def render_layers(
+    input: Path | str, layers: Sequence[Layer], output: Path | str, options: Options, progress: Progress = silent
+) -> Result:
+    """Lays several ads on a video, which is decoded once; later ones lie over earlier ones. See `render`.
+
+    The sound of the ad, where `options.audio` asks for it, is the first ad's.
+    """
     started = time.perf_counter()
     output = Path(output)
-    check_output(output, options, input, ad)
-    if options.effect == "replace" and ad is None:
-        raise InputError("no ad is given: name a video or image, or choose --effect mosaic, blur or outline")
+    check_output(output, options, input, *(layer.ad for layer in layers))
     with ExitStack() as stack:
         reader = stack.enter_context(VideoReader(input))
         info = reader.info
-        track.check_belongs_to(Path(input), info.width, info.height)
-        surface = None
-        if options.effect == "replace" and ad is not None:
-            surface = stack.enter_context(open_ad(ad, options.playback))
-        compositor = stack.enter_context(open_compositor(options.backend))
-        poses, opacity = presentation(track, options)
-        audio = Audio(options.audio, Path(input), Path(ad) if ad else None, options.playback)
+        painters, poses, opacities = [], [], []
+        for layer in layers:
+            layer.track.check_belongs_to(Path(input), info.width, info.height)
+            painter = Painter(layer.ad, layer.placing, layer.track.quad, (info.width, info.height), options.backend)
+            painters.append(stack.enter_context(painter))
+            where, strength = presentation(layer.track, layer.placing)
+            poses.append(where)
+            opacities.append(strength)
+        heard = next((layer for layer in layers if layer.ad is not None), layers[0])
+        audio = Audio(options.audio, Path(input), Path(heard.ad) if heard.ad else None, heard.placing.playback)
         writer = stack.enter_context(
             VideoWriter(
                 output,
@@ -113,28 +134,38 @@ def render(
                 pixel_aspect=info.pixel_aspect,
             )
         )
-        region = _region(surface, track, options, info.width, info.height)
         first = None
-        count = 0
-        for frame in reader.frames(0, len(track)):
+        count, length = 0, max(len(layer.track) for layer in layers)
+        for frame in reader.frames(0, length):
             first = frame.time if first is None else first
-            image, pose = frame.image, poses[frame.index]
-            strength = float(opacity[frame.index])
-            if strength > 0 and np.isfinite(pose).all():
-                if options.effect == "outline":
-                    draw_outline(image, pose, strength)
-                elif surface is None:
-                    compositor.composite(image, texture(options.effect, image, pose), pose, WHOLE, strength)
-                elif (picture := surface.at(frame.time - first)) is not None:
-                    compositor.composite(image, picture, pose, region, strength, options.feather)
-            writer.write(image, frame.time, frame.duration)
+            i = frame.index
+            for painter, where, strength in zip(painters, poses, opacities, strict=True):
+                if i < len(where):
+                    painter.draw(frame.image, where[i], float(strength[i]), frame.time - first)
+            writer.write(frame.image, frame.time, frame.duration)
             count += 1
-            progress("render", count, len(track), track.states[frame.index])
-        warnings = list(dict.fromkeys([*track.warnings, *reader.warnings]))
-        if count < len(track):
-            warnings.append(f"{input} has only {count} of the track's {len(track)} frames: the rest is left out")
-        description = compositor.description
-    return Result(output, count, track.counts, time.perf_counter() - started, description, warnings)
+            progress("render", count, length, layers[0].track.states[i] if i < len(layers[0].track) else "")
+        warnings = [w for layer in layers for w in layer.track.warnings] + reader.warnings
+        if count < length:
+            warnings.append(f"{input} has only {count} of the track's {length} frames: the rest is left out")
+        description = painters[0].description
+    return Result(
+        output,
+        count,
+        total(layer.track.counts for layer in layers),
+        time.perf_counter() - started,
+        description,
+        list(dict.fromkeys([*warnings, *audio.warnings])),
+        [{"ad": layer.ad and str(layer.ad), "states": layer.track.counts} for layer in layers],
+    )
+
+
+def total(counts: Iterable[dict[str, int]]) -> dict[str, int]:
+    """The sum of counts by state."""
+    summed: Counter[str] = Counter()
+    for count in counts:
+        summed.update(count)
+    return dict(summed)
 
 
 def check_output(output: Path, options: Options, *inputs: Path | str | None) -> None:
@@ -147,35 +178,31 @@ def check_output(output: Path, options: Options, *inputs: Path | str | None) -> 
         raise InputError(f"{output} exists already: choose another output with -o, or give --overwrite")
 
 
-def presentation(track: Track, options: Options) -> tuple[Array, NDArray[np.float64]]:
+def presentation(track: Track, placing: Placing) -> tuple[Array, NDArray[np.float64]]:
     """Where the ad is drawn, (N, 4, 2) px, and how strongly, (N,) 0..1, in every frame.
 
     While the surface is lost the ad keeps its last pose. It fades out there (`lost='fade'`), goes at once ('hide'), or
-    stays and glides to where the surface is found again, so that it never jumps ('hold').
+    stays and glides to where the surface is found again, so that it never jumps ('hold'). A cut ends all of that.
     """
     poses = track.corners.copy()
     shown = track.known
     times = np.array([float(t) for t in track.times])
     opacity = shown.astype(np.float64)
-    for start, stop in segments((~shown).tolist()):
-        if start:
+    for start, stop in segments((~shown).tolist(), track.cuts):
+        leaves = start > 0 and start not in track.cuts and bool(shown[start - 1])
+        returns = stop < len(poses) and stop not in track.cuts
+        if leaves:
             poses[start:stop] = poses[start - 1]
-        if options.lost == "hold" and start:
+        if placing.lost == "hold" and leaves:
             opacity[start:stop] = 1
-            if stop < len(poses):
+            if returns:
                 way = np.clip(1 - (times[stop] - times[start:stop]) / GLIDE_SECONDS, 0, 1)
                 ease = (way * way * (3 - 2 * way))[:, None, None]
                 poses[start:stop] += (poses[stop] - poses[start:stop]) * ease
-        elif options.lost == "fade":
-            if start:
+        elif placing.lost == "fade":
+            if leaves:
                 opacity[start:stop] = 1 - (times[start:stop] - times[start - 1]) / FADE_SECONDS
-            if stop < len(poses):
+            if returns:
                 coming = (times[stop:] - times[stop - 1]) / FADE_SECONDS
                 opacity[stop:] = np.minimum(opacity[stop:], coming)
-    return poses, np.clip(opacity, 0, 1) * options.opacity
-
-
-def _region(ad: Ad | None, track: Track, options: Options, width: int, height: int) -> Region:
-    if ad is None:
-        return WHOLE
-    return fit_region(options.fit, ad.width / ad.height, quad_aspect(track.quad, (width, height)))
+    return poses, np.clip(opacity, 0, 1) * placing.opacity

@@ -4,9 +4,12 @@ A Kalman filter with constant velocity runs over the corners, and the Rauch-Tung
 much it smooths is not guessed: motion and noise are those under which the track itself is most likely.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdn.homography import Array
 
@@ -15,37 +18,46 @@ from .trackfile import Track
 RATIOS = np.logspace(-4, 4, 13)  # of the acceleration's variance (px/frame^2)^2 to the noise's (px^2)
 MODES = np.array([[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, -1, 1], [1, -1, 1, -1]]) / 2  # orthonormal, over the corners
 STEP = np.array([[1.0, 1.0], [0.0, 1.0]])
+EXACT = 1e-6  # variance of given corners, where that of a clear fix is 1
 NOISE_SHAPE = np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])  # of white acceleration over one frame
 
 
-def smooth(track: Track, strength: float = 1.0) -> Track:
-    """The track with its corners smoothed, never across a loss.
+def smooth(track: Track, strength: float = 1.0, where: NDArray[np.bool_] | None = None) -> Track:
+    """The track with its corners smoothed, never across a loss or a cut; given corners stay as they are.
 
     Held frames between two fixes are bridged by the motion around them; those at a segment's end keep its last pose.
 
     Args:
         strength: 0 leaves the track as it is; 1 smooths by the noise that it shows; more takes it for noisier.
+        where: (N,) the frames to be smoothed, the rest being left alone; None takes all.
     """
     if strength == 0:
         return track
     corners = track.corners.copy()
     fixed = np.array([state == "tracked" for state in track.states]) & track.known
-    for start, stop in segments([state != "lost" for state in track.states]):
+    # A fix that half the target backs is twice as uncertain as one that all of it backs; given corners are certain.
+    variance = np.where(fixed, 1 / np.maximum(track.confidence, 0.1) ** 2, np.inf)
+    given = {i: pose for i, pose in track.given.items() if i < len(track) and fixed[i]}
+    variance[list(given)] = EXACT
+    wanted = np.array([state != "lost" for state in track.states])
+    for start, stop in segments((wanted if where is None else wanted & where).tolist(), track.cuts):
         fixes = start + np.flatnonzero(fixed[start:stop])
         if len(fixes) < 3:
             continue
         first, last = fixes[0], fixes[-1] + 1
-        # A fix that half the target backs is twice as uncertain as one that all of it backs.
-        variance = np.where(fixed[first:last], 1 / np.maximum(track.confidence[first:last], 0.1) ** 2, np.inf)
-        corners[first:last] = _smooth_segment(corners[first:last], variance, strength)
+        corners[first:last] = _smooth_segment(corners[first:last], variance[first:last], strength)
         corners[start:first], corners[last:stop] = corners[first], corners[last - 1]
+    for index, pose in given.items():
+        if where is None or where[index]:
+            corners[index] = pose
     return replace(track, corners=corners)
 
 
-def segments(flags: list[bool]) -> list[tuple[int, int]]:
-    """Runs (start, stop) of true flags."""
+def segments(flags: list[bool], cuts: Sequence[int] = ()) -> list[tuple[int, int]]:
+    """Runs (start, stop) of true flags; cuts: indices before which a run is cut in two."""
     edges = np.flatnonzero(np.diff([0, *map(int, flags), 0]))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    runs = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [pair for a, b in runs for pair in pairwise([a, *(c for c in cuts if a < c < b), b])]
 
 
 def _smooth_segment(corners: Array, variance: Array, strength: float) -> Array:

@@ -52,7 +52,7 @@ class VideoWriter:
     rate: average frames per second (a hint for players; `write` says the times). crf: quality, lower is better, where
     the codec knows it, 0 to 51 (63 in VP9 and AV1). codec: an FFmpeg encoder, None for H.264 (VP9 in WebM).
     time_base: seconds per tick in which all frame times are whole (the source's); None takes one that suits `rate`.
-    pixel_aspect: a pixel's width over its height.
+    pixel_aspect: a pixel's width over its height. fast: larger files, but H.264 and H.265 keep up with a live source.
 
     Frame times start at zero in the file whatever the first one is; the sound moves with them.
 
@@ -71,6 +71,7 @@ class VideoWriter:
         audio: Audio | None = None,
         time_base: Fraction | None = None,
         pixel_aspect: Fraction = Fraction(1),
+        fast: bool = False,
     ) -> None:
         self.path = Path(path)
         if self.path.suffix.lower() not in CONTAINERS:
@@ -94,7 +95,7 @@ class VideoWriter:
         options = {"movflags": "+faststart"} if muxer in ("mp4", "mov") else {}
         try:
             self._container = av.open(str(self._part), "w", format=muxer, container_options=options)
-            self._stream = self._add_stream(codec, crf, pix_fmt, pixel_aspect)
+            self._stream = self._add_stream(codec, crf, pix_fmt, pixel_aspect, fast)
             if audio is not None:
                 audio.attach(self._container)
             self._container.start_encoding()
@@ -152,9 +153,13 @@ class VideoWriter:
 
     # ---- inside ----
 
-    def _add_stream(self, codec: str, crf: float | None, pix_fmt: str, pixel_aspect: Fraction) -> VideoStream:
+    def _add_stream(
+        self, codec: str, crf: float | None, pix_fmt: str, pixel_aspect: Fraction, fast: bool
+    ) -> VideoStream:
         width, height = self._size
         options = {"crf": f"{DEFAULT_CRF if crf is None else crf:g}"}
+        if fast and codec in ("libx264", "libx265"):
+            options["preset"] = "ultrafast"
         if codec == "libvpx-vp9":
             options |= {"cpu-used": "4", "row-mt": "1"}  # several times faster for hardly a difference
         stream = cast(VideoStream, self._container.add_stream(codec, rate=self._rate, options=options))

@@ -2,9 +2,14 @@
 
 import argparse
 import logging
+import os
 import re
+import signal
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
+from threading import current_thread, main_thread
+from types import FrameType
 from typing import NoReturn
 
 from .errors import InputError, RunError
@@ -26,12 +31,19 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{message} (see {self.prog} --help)")
 
 
-def run(command: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None, interrupted: str) -> int:
+Command = Callable[[Sequence[str] | None], int]
+
+
+def run(command: Command | str, arguments: Sequence[str] | None, interrupted: str) -> int:
     """The command's exit status; whatever it raises is said in one line on stderr.
 
-    Args: interrupted: what Ctrl-C leaves behind.
+    Args:
+        command: the function, or 'module:function', which is loaded here so that Ctrl-C may come meanwhile.
+        interrupted: what Ctrl-C leaves behind.
     """
     try:
+        if isinstance(command, str):
+            command = _load(command, interrupted)
         return command(arguments)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -47,3 +59,20 @@ def run(command: Callable[[Sequence[str] | None], int], arguments: Sequence[str]
         reason = f"{type(error).__name__}: {error}".split("\n")[0]
         print(f"error: {reason}; this should not happen: please report it with the command line", file=sys.stderr)
         return FAILED
+
+
+def _load(command: str, interrupted: str) -> Command:
+    """Imports 'module:function'. Libraries that are being loaded swallow Ctrl-C, or fail by it: so it just ends all."""
+
+    def leave(number: int, frame: FrameType | None) -> None:
+        os.write(2, f"interrupted: {interrupted}\n".encode())
+        os._exit(INTERRUPTED)
+
+    main = current_thread() is main_thread()
+    usual = signal.signal(signal.SIGINT, leave) if main else None
+    try:
+        module, _, function = command.partition(":")
+        return getattr(import_module(module), function)
+    finally:
+        if main:
+            signal.signal(signal.SIGINT, usual)

@@ -100,7 +100,7 @@ class ResidualNetwork(nn.Module):
 
     def match(self, template: Tensor, search: Tensor) -> Matches:
         """Descriptors of both crops, each (B, C, n / 4, n / 4), to matches."""
-        b, m = len(template), self.size // CELL
+        m = self.size // CELL
         source, cells, near = geometry(self.size, template.device)
         # The mask is added by the same operation that correlates: these maps are the largest there are.
         points = template[:, :, :: CELL // STRIDE, :: CELL // STRIDE].flatten(2).transpose(1, 2)

@@ -141,7 +141,7 @@ class Compact:
         observation = Observation(frame)  # what it computes when first asked is part of the times
         clock = time.perf_counter
         begin = clock()
-        proposal, _ = tracker.propose(observation)
+        proposal = tracker.propose(observation).homography
         proposed = clock()
         homography = tracker.refiner.align(observation.grey, proposal)
         tracker.refiner.agreement(observation.grey, homography)

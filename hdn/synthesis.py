@@ -129,7 +129,7 @@ def textured(photos: Photos, index: Tensor, size: int, low: float, high: float) 
         views.append(placed(random_view(len(index), photos.device, low, high)))
         grey = photos.sample(index, views[-1] @ coarse, n).mean(1)
         texture.append(grey.diff(dim=1).abs().mean((1, 2)) + grey.diff(dim=2).abs().mean((1, 2)))
-    return torch.where((texture[0] > texture[1])[:, None, None], *views)
+    return torch.where((texture[0] > texture[1])[:, None, None], views[0], views[1])
 
 
 def inside(quad: Tensor, points: Tensor, size: int) -> Tensor:

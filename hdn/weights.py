@@ -1,6 +1,7 @@
 """Weights on disk: safetensors that name their configuration."""
 
 from pathlib import Path
+from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -24,7 +25,7 @@ class Hdn(nn.Module):
         super().__init__()
         self.config = config
         self.similarity = SimilarityNetwork(config)
-        self.residual = ResidualNetwork(config) if config.residual == "matching" else PaperResidual(config)
+        self.residual: Any = ResidualNetwork(config) if config.residual == "matching" else PaperResidual(config)
 
 
 def save(network: Hdn, path: Path, notes: dict[str, str]) -> None:

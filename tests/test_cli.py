@@ -14,9 +14,10 @@ import cv2
 import numpy as np
 import pytest
 
-from ar_demo import Moment, Options, cli, pipeline, tracking
+from ar_demo import Moment, Options, cli, commands, pipeline, tracking
 from ar_demo.trackfile import Track
 from ar_demo.video import VideoReader
+from hdn import Tracker
 from hdn.engine import Engine
 
 from .media import frame_times, make_clip, make_sound, sound_packets, tone, truncated
@@ -33,9 +34,11 @@ Run = Callable[..., tuple[int, str, str]]
 def shared_networks(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
     """Loading the networks takes seconds: one engine serves all these tests."""
     original = tracking.Tracker
-    monkeypatch.setattr(
-        tracking, "Tracker", lambda weights, device: original(weights, device, None if weights else engine)
-    )
+
+    def tracker(weights: Path | None = None, device: str = "auto", engine: Engine | None = engine) -> Tracker:
+        return original(weights, device, None if weights else engine)
+
+    monkeypatch.setattr(tracking, "Tracker", tracker)
 
 
 @pytest.fixture(autouse=True)
@@ -317,7 +320,7 @@ def test_what_nobody_foresaw_is_one_line_too(run: Run, clip: Path, ad: Path, mon
     def broken(*args: object) -> None:
         raise ZeroDivisionError("somewhere deep")
 
-    monkeypatch.setattr(cli, "replace", broken)
+    monkeypatch.setattr(commands, "replace_surfaces", broken)
     code, _, err = run(clip, ad, *quad_arguments(Scene().quad))
     assert code == 1
     assert err.startswith("error: ZeroDivisionError: somewhere deep")

@@ -4,7 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ar_demo.options import Moment, Options, parse_quad
+from ar_demo.options import Keyframe, Moment, Options, parse_quad
 from hdn.errors import InputError
 
 
@@ -42,6 +42,23 @@ def test_quads(given: Any) -> None:
 def test_refuses_other_quads(given: Any) -> None:
     with pytest.raises(InputError, match="four corners"):
         parse_quad(given)
+
+
+@pytest.mark.parametrize(
+    ("text", "at"), [("40", Moment(40)), ("4.5s", Moment.parse("4.5s")), ("0:04", Moment.parse("4s"))]
+)
+def test_keyframes(text: str, at: Moment) -> None:
+    keyframe = Keyframe.parse(f"{text}:1,2,30,2,30,40,1,-4.5")
+    assert keyframe.at == at
+    np.testing.assert_array_equal(keyframe.corners, [[1, 2], [30, 2], [30, 40], [1, -4.5]])
+
+
+@pytest.mark.parametrize(
+    "text", ["", "40", "1,2,30,2,30,40,1,4", "40:1,2,30,2,30,40,1", "soon:1,2,3,4,5,6,7,8", "4:1,2,3,4,5,6,7,x"]
+)
+def test_refuses_other_keyframes(text: str) -> None:
+    with pytest.raises(InputError):
+        Keyframe.parse(text)
 
 
 @pytest.mark.parametrize(

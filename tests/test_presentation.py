@@ -54,3 +54,11 @@ def test_nothing_is_drawn_before_it_is_first_seen(track: Track) -> None:
     poses, opacity = presentation(track, Options(lost="hold"))
     assert (opacity[:50] == 0).all()
     assert np.isnan(poses[:50]).all()
+
+
+@pytest.mark.parametrize("lost", ["fade", "hold", "hide"])
+def test_a_cut_ends_it_at_once(track: Track, lost: str) -> None:
+    track.cuts = [20, 50]
+    _, opacity = presentation(track, Options(lost=lost))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(opacity == 1, track.known)
+    assert (opacity[LOSS] == 0).all()

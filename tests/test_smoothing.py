@@ -81,9 +81,45 @@ def test_held_frames_at_the_end_stay_put() -> None:
     np.testing.assert_array_equal(out[35:], np.broadcast_to(out[34], (5, 4, 2)))
 
 
+def test_never_smooths_across_a_cut() -> None:
+    truth = motion(60)
+    truth[30:] += 200
+    track = make_track(truth + np.random.default_rng(0).normal(0, 0.7, truth.shape))
+    across = np.abs(smooth(track).corners - truth).mean()
+    track.cuts = [30]
+    apart = np.abs(smooth(track).corners - truth).mean()
+    assert apart < 0.5 * np.abs(track.corners - truth).mean() < across
+
+
+def test_given_corners_stay_as_they_are() -> None:
+    truth = motion(90)
+    track = make_track(truth + np.random.default_rng(0).normal(0, 0.7, truth.shape))
+    track.quad, track.keyframes = truth[0], {40: truth[40] + 2}
+    track.corners[40] = track.keyframes[40]
+    out = smooth(track).corners
+    np.testing.assert_array_equal(out[40], truth[40] + 2)
+    np.testing.assert_array_equal(out[0], truth[0])
+    assert np.abs(np.diff(out - truth, axis=0))[35:45].max() < 1.5  # its neighbours come along
+
+
+def test_smooths_only_where_it_shall() -> None:
+    truth = motion(90)
+    track = make_track(truth + np.random.default_rng(0).normal(0, 0.7, truth.shape))
+    where = np.zeros(90, bool)
+    where[30:60] = True
+    out = smooth(track, where=where).corners
+    np.testing.assert_array_equal(out[~where], track.corners[~where])
+    assert jitter((out - truth)[31:59]) < 0.3 * jitter((track.corners - truth)[31:59])
+
+
 @pytest.mark.parametrize(
-    ("flags", "runs"),
-    [([], []), ([True], [(0, 1)]), ([False, True, True, False, True], [(1, 3), (4, 5)])],
+    ("flags", "cuts", "runs"),
+    [
+        ([], [], []),
+        ([True], [], [(0, 1)]),
+        ([False, True, True, False, True], [], [(1, 3), (4, 5)]),
+        ([False, True, True, False, True], [1, 2, 3], [(1, 2), (2, 3), (4, 5)]),
+    ],
 )
-def test_segments(flags: list[bool], runs: list[tuple[int, int]]) -> None:
-    assert segments(flags) == runs
+def test_segments(flags: list[bool], cuts: list[int], runs: list[tuple[int, int]]) -> None:
+    assert segments(flags, cuts) == runs

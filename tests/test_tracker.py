@@ -106,7 +106,15 @@ def test_behind_a_bar_that_hides_two_thirds_it_is_still_tracked(tracker: Tracker
         (Evidence(score=0.9, residual=3, visible=0.3, agreement=0.25, cohesion=0.2), True),
         (Evidence(score=0.1, residual=3, visible=0.0, agreement=0.25, cohesion=0.15), False),
     ],
-    ids=["positive", "low score", "offsets pulled to zero", "negative but agreeing", "not agreeing", "a patch", "a patch of a negative"],
+    ids=[
+        "positive",
+        "low score",
+        "pulled to zero",
+        "agreeing negative",
+        "not agreeing",
+        "patch",
+        "patch of a negative",
+    ],
 )
 def test_negative_evidence_asks_for_stronger_agreement(evidence: Evidence, fix: bool) -> None:
     assert is_fix(evidence) is fix

@@ -42,10 +42,30 @@ def test_file_is_version_1_as_designed(track: Track, tmp_path: Path) -> None:
     np.testing.assert_allclose(transform(homography, QUAD), content["frames"][1]["corners"], atol=1e-3)
 
 
+def test_keyframes_and_cuts_are_kept(track: Track, tmp_path: Path) -> None:
+    track.keyframes, track.cuts = {1: track.corners[1]}, [2]
+    track.save(tmp_path / "t.json")
+    again = Track.load(tmp_path / "t.json")
+    assert again.cuts == [2]
+    np.testing.assert_array_equal(again.keyframes[1], track.corners[1])
+    assert again.given.keys() == {0, 1}
+
+
+def test_a_file_without_them_loads_as_before(track: Track, tmp_path: Path) -> None:
+    path = tmp_path / "t.json"
+    track.save(path)
+    old = {key: value for key, value in json.loads(path.read_text()).items() if key not in ("keyframes", "cuts")}
+    path.write_text(json.dumps(old))
+    again = Track.load(path)
+    assert (again.keyframes, again.cuts) == ({}, [])
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"version": 2}, "version 2"),
+        ({"keyframes": [{"frame": 7, "corners": QUAD.tolist()}]}, "frame 7"),
+        ({"keyframes": [{"frame": 1, "corners": [[1, 2]]}]}, "damaged"),
         ({"quad": [[1, 2]]}, "damaged"),
         ({"frames": []}, "damaged"),
         ({"frames": [{"index": 0}]}, "damaged"),

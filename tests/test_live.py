@@ -1,0 +1,192 @@
+"""Live use: a file played as a stream, dropped frames, Ctrl-C, and a stream on standard output."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from fractions import Fraction
+from pathlib import Path
+from threading import Event
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from ar_demo import live, tracking
+from ar_demo.live import replace_live
+from ar_demo.options import Moment, Options
+from ar_demo.pipeline import Surface
+from ar_demo.streams import Stream
+from ar_demo.video import VideoReader
+from hdn import Tracker
+from hdn.engine import Engine
+from hdn.errors import InputError
+
+from .media import frame_times, make_clip, number_of, numbered
+from .scenes import Scene, path
+
+FRAMES = 20
+RATE = 10
+
+
+@pytest.fixture(autouse=True)
+def shared_networks(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tracking, "Tracker", lambda *_, engine=engine: Tracker(engine=engine))
+
+
+@pytest.fixture(scope="module")
+def truth() -> list[np.ndarray]:
+    return path(Scene().quad, FRAMES)
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory, truth: list[np.ndarray]) -> Path:
+    scene = Scene()
+    return make_clip(tmp_path_factory.mktemp("clip") / "s.mp4", [scene.draw(c) for c in truth], rate=RATE)
+
+
+@pytest.fixture(scope="module")
+def ad(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("ad") / "ad.png"
+    cv2.imwrite(str(file), np.full((60, 80, 3), (0, 0, 255), np.uint8))
+    return file
+
+
+def reds(file: Path) -> list[tuple[Fraction, np.ndarray]]:
+    """Time and centre of the largest red area in each frame."""
+    found = []
+    with VideoReader(file) as reader:
+        for frame in reader.frames():
+            r, g, b = (frame.image[..., c].astype(int) for c in range(3))
+            red = ((r > 180) & (g < 90) & (b < 90)).astype(np.uint8)
+            _, _, stats, centres = cv2.connectedComponentsWithStats(red)
+            found.append((frame.time, centres[1 + stats[1:, cv2.CC_STAT_AREA].argmax()]))
+    return found
+
+
+def test_follows_a_file_played_as_a_stream(clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
+    out = tmp_path / "out.mp4"
+    options = Options(quad=truth[0], backend="opencv")
+    started = time.monotonic()
+    result = replace_live(str(clip), [Surface(ad, options)], options, out)
+    assert time.monotonic() - started > (FRAMES - 1) / RATE  # at its own pace
+    assert result.dropped is not None
+    assert result.frames + result.dropped == FRAMES
+    assert result.states["tracked"] == result.frames
+    assert result.summary()["dropped"] == result.dropped
+    assert result.fps == pytest.approx(result.frames / result.seconds)
+    assert result.fps < 1.2 * RATE
+    found = reds(out)
+    assert len(found) == result.frames
+    for at, centre in found:
+        index = round(at * RATE)
+        assert at == Fraction(index, RATE)  # frames keep their times, whatever was dropped
+        steps = [np.abs(truth[i].mean(0) - centre).max() for i in (index, max(index - 1, 0))]
+        assert min(steps) < 1.5  # no more than a frame behind
+
+
+def test_drops_what_comes_while_it_is_busy(tmp_path: Path) -> None:
+    clip = make_clip(tmp_path / "n.mp4", numbered(30), rate=50)
+    with Stream(str(clip)) as stream:
+        seen = []
+        for frame in stream.frames(Event()):
+            assert number_of(frame.image) == frame.index
+            seen.append(frame.index)
+            time.sleep(0.09)
+    assert seen[0] == 0
+    assert seen[-1] == 29
+    assert seen == sorted(set(seen))
+    assert stream.dropped == 30 - len(seen)
+    assert len(seen) < 15
+    assert max(np.diff(seen)) < 10  # the newest is taken, nothing queues up
+
+
+def test_a_loss_fades_and_a_find_comes_back(ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
+    """At a cut to another place the ad is gone at once; at the cut back it is there again."""
+    scene, other = Scene(), Scene(seed=5)
+    other.wall = 255 - cv2.GaussianBlur(other.wall, (0, 0), 1)
+    images = [scene.draw(scene.quad)] * 6 + [other.draw(None)] * 6 + [scene.draw(scene.quad)] * 6
+    clip = make_clip(tmp_path / "cut.mp4", images, rate=8)
+    out = tmp_path / "out.mp4"
+    options = Options(quad=scene.quad, backend="opencv")
+    result = replace_live(str(clip), [Surface(ad, options)], options, out)
+    assert result.states["held"] == 0 < result.states["lost"]
+    back = []
+    with VideoReader(out) as reader:
+        for frame in reader.frames():
+            index = round(frame.time * 8)
+            colour = frame.image[110:120, 150:160].reshape(-1, 3).astype(int).mean(0)
+            red = bool(colour[0] - colour[1:].max() > 120)
+            if index < 12:
+                assert red == (index < 6), index
+            else:
+                back.append(red)
+    assert back[3:] == [True] * len(back[3:])  # to be found and to appear takes a moment
+
+
+def test_end_and_effect(clip: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
+    out = tmp_path / "o.mp4"
+    options = Options(quad=truth[0], backend="opencv", effect="outline", end=Moment(time=Fraction(1, 2)))
+    result = replace_live(str(clip), [Surface(None, options)], options, out)
+    *before, last = frame_times(out)
+    assert len(before) + 1 == result.frames
+    assert all(at < 0.5 for at in before)
+    assert last >= 0.5
+
+
+def test_ctrl_c_ends_it_with_a_finished_file(clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
+    out = tmp_path / "out.mp4"
+    options = Options(quad=truth[0], backend="opencv")
+
+    def press(stage: str, done: int, total: int | None, state: str) -> None:
+        if done == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    result = replace_live(str(clip), [Surface(ad, options)], options, out, press)
+    assert result.frames == 3
+    assert len(reds(out)) == result.frames
+    assert [p.name for p in tmp_path.iterdir()] == ["out.mp4"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_stream_on_standard_output(clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
+    command = [sys.executable, "-c", "from ar_demo.cli import replace_main; replace_main()", "--live", clip, ad]
+    quad = ["--quad", *(f"{x},{y}" for x, y in truth[0])]
+    done = subprocess.run(
+        [*command, *quad, "-o", "-", "--backend", "opencv", "--json", "--quiet"], capture_output=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stderr)
+    assert summary["output"] == "-"
+    (tmp_path / "s.ts").write_bytes(done.stdout)
+    with av.open(str(tmp_path / "s.ts")) as container:
+        assert container.format.name == "mpegts"
+        assert sum(1 for _ in container.decode(video=0)) == summary["frames"]
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [("none.mp4", "none.mp4"), ("/dev/video77", "/dev/video77"), ("rtsp://127.0.0.1:9/x", "rtsp://127.0.0.1:9/x")],
+)
+def test_a_source_that_is_not_there(ad: Path, tmp_path: Path, source: str, message: str) -> None:
+    options = Options(quad=Scene().quad, backend="opencv")
+    with pytest.raises(InputError, match=message):
+        replace_live(source, [Surface(ad, options)], options, tmp_path / "o.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (Options(), "--quad"),
+        (Options(quad=Scene().quad, audio="mix"), "no sound"),
+        (Options(quad=Scene().quad, start=Moment(frame=900)), "not reached"),
+    ],
+)
+def test_refuses_what_live_use_cannot_do(clip: Path, ad: Path, tmp_path: Path, options: Options, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        live.replace_live(str(clip), [Surface(ad, options)], options, tmp_path / "o.mp4")
+    assert list(tmp_path.iterdir()) == []
