@@ -121,7 +121,7 @@ class ResidualNetwork(nn.Module):
             ],
             1,
         )
-        judged = self.judge(evidence.reshape(b, -1, m, m)).flatten(2)
+        judged = self.judge(evidence.unflatten(2, (m, m))).flatten(2)
         displacement = displacement + judged[:, :2].transpose(1, 2)
         return Matches(probability, displacement, judged[:, 2].sigmoid() * judged[:, 3].sigmoid(), judged[:, 3])
 
