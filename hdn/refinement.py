@@ -21,6 +21,7 @@ CELLS = 8  # the target is judged on a grid of CELLS x CELLS
 AGREES = 0.5  # correlation from which a cell is taken to show the template
 SURELY = 0.6  # and from which it hardly does so by chance
 ALIGNED = 0.7  # correlation that the best cells reach once the crop is nearly aligned
+SETTLED = 0.3  # px of the crop that an alignment moves the corners by, under which the next would not tell more
 # Expected moves of the eight parameters, px at the crop's edge: affine four, translation free, perspective.
 SPREAD = np.array([5.0, 5, 100, 5, 5, 100, 2, 2])
 CORRELATED = 100  # neighbouring pixels share their errors: this many count as one
@@ -81,8 +82,10 @@ class Refiner:
         width, height = (sides[0] + sides[2]) / 2, (sides[1] + sides[3]) / 2
         scale = min(1.0, longest / max(width, height))
         self.width, self.height = (max(24, round(float(s) * scale)) for s in (width, height))
-        outline = square(1.0) * [self.width, self.height] + [(self.width - 1) / 2, (self.height - 1) / 2]
-        self.crop_to_template = from_corners(outline, quad)
+        self.outline = square(1.0) * [self.width, self.height] + [(self.width - 1) / 2, (self.height - 1) / 2]
+        self.crop_to_template = from_corners(self.outline, quad)
+        y, x = np.mgrid[:CELLS, :CELLS] + 0.5
+        self.cell_centres = np.stack([x * self.width / CELLS, y * self.height / CELLS], -1) - 0.5
         self.sigma = max(self.width, self.height) / 14
         raw = self._crop(frame, np.eye(3))
         self.levels = [_Level(_normalise(cv2.GaussianBlur(raw, (0, 0), blur), self.sigma), blur) for blur in (2.0, 0.8)]
@@ -94,23 +97,31 @@ class Refiner:
         # Nothing outside the quad is looked at: what lies there may move on its own.
         return frame.crop(homography @ self.crop_to_template, self.width, self.height).astype(np.float32)
 
-    def align(self, frame: Pyramid, homography: Array) -> Array:
-        """The homography (3, 3), template to frame, nearest to the given one at which the frame fits the template."""
-        coarse, fine = self.levels
-        homography, before = self._step(coarse, frame, homography)
-        for _ in range(3):
-            homography, trust = self._step(fine, frame, homography)
-            if np.abs(trust - before).max() < 0.3:
-                break
-            before = trust
-        return homography
+    def align(self, frame: Pyramid, homography: Array) -> tuple[Array, Agreement]:
+        """The homography (3, 3), template to frame, nearest to the given one at which the frame fits the template.
 
-    def _step(self, level: "_Level", frame: Pyramid, homography: Array) -> tuple[Array, Grey]:
-        """One alignment at one level; also the weights of the cells in it."""
+        Also how well it fits there.
+        """
+        coarse, fine = self.levels
+        homography, _, _ = self._step(coarse, frame, homography)
+        for _ in range(3):
+            homography, agreement, moved = self._step(fine, frame, homography)
+            if moved < SETTLED:
+                break
+        return homography, agreement
+
+    def _step(self, level: "_Level", frame: Pyramid, homography: Array) -> tuple[Array, Agreement, float]:
+        """One alignment at one level; also the agreement before it, and how far it moved the corners, crop px."""
+        search, agreement = self._compare(level, frame, homography)
+        warp = level.align(search, self._trust(agreement.correlation))
+        moved = float(np.abs(transform(warp, self.outline) - self.outline).max())
+        homography = homography @ self.crop_to_template @ warp @ np.linalg.inv(self.crop_to_template)
+        return normalised(homography), agreement, moved
+
+    def _compare(self, level: "_Level", frame: Pyramid, homography: Array) -> tuple[Grey, Agreement]:
         search = _normalise(cv2.GaussianBlur(self._crop(frame, homography), (0, 0), level.blur), self.sigma)
-        trust = self._trust(_correlation(level.template, search))
-        moved = self.crop_to_template @ level.align(search, trust) @ np.linalg.inv(self.crop_to_template)
-        return normalised(homography @ moved), trust
+        correlation = _correlation(level.template, search)
+        return search, Agreement(correlation, self._in_frame(frame, homography), self.textured)
 
     def _trust(self, correlation: Grey) -> Grey:
         """Weights (8, 8) of the cells for alignment; where hardly any agrees, all count: it is not aligned yet."""
@@ -128,15 +139,10 @@ class Refiner:
 
     def agreement(self, frame: Pyramid, homography: Array) -> Agreement:
         """Compares the frame, rectified by a homography, with the template."""
-        fine = self.levels[-1]
-        search = _normalise(cv2.GaussianBlur(self._crop(frame, homography), (0, 0), fine.blur), self.sigma)
-        return Agreement(_correlation(fine.template, search), self._in_frame(frame, homography), self.textured)
+        return self._compare(self.levels[-1], frame, homography)[1]
 
     def _in_frame(self, frame: Pyramid, homography: Array) -> NDArray[np.bool_]:
-        step_x, step_y = self.width / CELLS, self.height / CELLS
-        y, x = np.mgrid[:CELLS, :CELLS] + 0.5
-        centres = np.stack([x * step_x - 0.5, y * step_y - 0.5], -1)
-        seen = transform(homography @ self.crop_to_template, centres)
+        seen = transform(homography @ self.crop_to_template, self.cell_centres)
         w, h = frame.size
         return np.asarray(((seen > -0.5) & (seen < [w - 0.5, h - 0.5])).all(-1))
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .homography import Array, transform
+from .homography import Array
 
 Image = NDArray[np.uint8]
 
@@ -51,10 +51,8 @@ class Pyramid:
 
 
 def _level_for(crop_to_frame: Array, width: int, height: int) -> int:
-    """Pyramid level whose pixels are about as large as the crop's, by the area that the crop covers in the frame."""
-    lo_x, hi_x, lo_y, hi_y = width * 0.25, width * 0.75, height * 0.25, height * 0.75
-    corners = transform(crop_to_frame, np.array([[lo_x, lo_y], [hi_x, lo_y], [hi_x, hi_y], [lo_x, hi_y]]))
-    x, y = corners[:, 0], corners[:, 1]
-    covered = abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
-    ratio = np.sqrt(covered / (width * height / 4))  # frame pixels per crop pixel
-    return round(float(np.clip(np.log2(max(ratio, 1.0)), 0, 16))) if np.isfinite(ratio) else 0
+    """Pyramid level whose pixels are about as large as the crop's, by the scale in the crop's middle."""
+    _, _, w = crop_to_frame @ [(width - 1) / 2, (height - 1) / 2, 1.0]
+    # The determinant of a homography's derivative: how much area grows there.
+    ratio = float(np.sqrt(abs(np.linalg.det(crop_to_frame) / w**3))) if w else np.inf
+    return round(np.log2(ratio)) if 1 < ratio < 2**16 else 0

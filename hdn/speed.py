@@ -143,8 +143,7 @@ class Compact:
         begin = clock()
         proposal = tracker.propose(observation).homography
         proposed = clock()
-        homography = tracker.refiner.align(observation.grey, proposal)
-        tracker.refiner.agreement(observation.grey, homography)
+        tracker.refiner.align(observation.grey, proposal)
         refined = clock()
         parts = {
             "translation": done["translation"] - begin,

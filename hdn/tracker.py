@@ -206,11 +206,10 @@ class Tracker:
 
     def _refine(self, grey: Pyramid, start: Array, proposal: Proposal) -> "_Finding":
         """Photometric alignment from a start, and what it says of it together with a proposal."""
-        homography = self.refiner.align(grey, start)
+        homography, agreement = self.refiner.align(grey, start)
         evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(proposal.visible.mean()))
         if not (np.isfinite(homography).all() and self._plausible(homography)):
             return _Finding(start, evidence, np.zeros((CELLS, CELLS)))
-        agreement = self.refiner.agreement(grey, homography)
         evidence = replace(evidence, agreement=agreement.share, cohesion=agreement.cohesion)
         # Where there is no texture to compare, the network's word for it.
         visibility = np.where(agreement.textured, agreement.agrees, _cells(proposal.visible)) * agreement.in_frame
