@@ -1,5 +1,6 @@
 # make demo   sets up .venv and renders the shipped demo to demo.mp4
 # make test   sets up .venv and runs the checks and the whole test suite
+# make benchmarks [CLIPS=folder]   measures what code or weights have changed for, and writes docs/benchmarks.md
 #
 # On Linux, PyPI's torch brings CUDA; name another build to spare the gigabytes:
 #   make demo TORCH="torch==2.13.0 --index-url <PyTorch's index of CPU builds>"
@@ -18,6 +19,9 @@ test: .venv/installed
 	$(BIN)/mypy
 	$(BIN)/python -m pytest
 
+benchmarks: .venv/installed
+	$(BIN)/python -m ar_demo.evaluation_report $(CLIPS)
+
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet $(TORCH)
@@ -27,4 +31,4 @@ test: .venv/installed
 clean:
 	rm -rf .venv
 
-.PHONY: demo test clean
+.PHONY: demo test benchmarks clean

@@ -18,14 +18,16 @@ from .trackfile import Track
 RATIOS = np.logspace(-4, 4, 13)  # of the acceleration's variance (px/frame^2)^2 to the noise's (px^2)
 MODES = np.array([[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, -1, 1], [1, -1, 1, -1]]) / 2  # orthonormal, over the corners
 STEP = np.array([[1.0, 1.0], [0.0, 1.0]])
-EXACT = 1e-6  # variance of given corners, where that of a clear fix is 1
+LEAST = 0.05  # px, below which no corner is known
+EXACT = 1e-6  # variance of given corners, where that of a usual fix is 1
 NOISE_SHAPE = np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])  # of white acceleration over one frame
 
 
 def smooth(track: Track, strength: float = 1.0, where: NDArray[np.bool_] | None = None) -> Track:
     """The track with its corners smoothed, never across a loss or a cut; given corners stay as they are.
 
-    Held frames between two fixes are bridged by the motion around them; those at a segment's end keep its last pose.
+    Corners count as they are certain. Frames that nothing was measured in are bridged by the motion around them; those
+    at a segment's end keep its last pose.
 
     Args:
         strength: 0 leaves the track as it is; 1 smooths by the noise that it shows; more takes it for noisier.
@@ -34,9 +36,9 @@ def smooth(track: Track, strength: float = 1.0, where: NDArray[np.bool_] | None 
     if strength == 0:
         return track
     corners = track.corners.copy()
-    fixed = np.array([state == "tracked" for state in track.states]) & track.known
-    # A fix that half the target backs is twice as uncertain as one that all of it backs; given corners are certain.
-    variance = np.where(fixed, 1 / np.maximum(track.confidence, 0.1) ** 2, np.inf)
+    fixed = np.isfinite(track.deviation) & track.known
+    variance = np.maximum(track.deviation, LEAST) ** 2
+    variance /= np.median(variance[fixed]) if fixed.any() else 1
     given = {i: pose for i, pose in track.given.items() if i < len(track) and fixed[i]}
     variance[list(given)] = EXACT
     wanted = np.array([state != "lost" for state in track.states])

@@ -102,11 +102,12 @@ def lay(track: Track, run: Run) -> None:
     """Puts a run into a track, but for the known poses at its ends.
 
     Where both have a fix and agree they are blended, each the more the nearer its end is; where they do not, the more
-    confident stays. A fix replaces what is held, and what is held what is lost.
+    confident stays. A fix replaces what is held, what is held is blended by its certainty, and replaces what is lost.
     """
     inner = slice(1, None if run.end is None else len(run))
     frames = np.array(run.frames[inner], int)
-    corners, confidence = run.corrected()[inner], np.array([e.confidence for e in run.estimates[inner]])
+    corners = run.corrected()[inner]
+    confidence, deviation = np.array([(e.confidence, e.deviation) for e in run.estimates[inner]]).reshape(-1, 2).T
     states = [e.state for e in run.estimates[inner]]
     share = 1 - np.arange(1, len(frames) + 1) / max(len(run), 1)
     here = track.corners[frames]
@@ -118,18 +119,34 @@ def lay(track: Track, run: Run) -> None:
     weight = np.where(ours & theirs, weight, ours)
     for k, i in enumerate(frames):
         if ours[k]:
-            w = float(weight[k])
-            track.corners[i] = corners[k] if w == 1 or not theirs[k] else (1 - w) * here[k] + w * corners[k]
-            track.confidence[i] = confidence[k] if not theirs[k] else (1 - w) * track.confidence[i] + w * confidence[k]
+            blend(track, i, corners[k], confidence[k], deviation[k], float(weight[k]) if theirs[k] else 1.0)
             track.states[i] = "tracked"
+        elif states[k] == "held" and track.states[i] == "held":
+            blend(track, i, corners[k], confidence[k], deviation[k], _certainty(deviation[k], track.deviation[i]))
         elif states[k] == "held" and track.states[i] == "lost" and not run.fills:
-            track.corners[i], track.confidence[i], track.states[i] = corners[k], confidence[k], "held"
+            blend(track, i, corners[k], confidence[k], deviation[k], 1.0)
+            track.states[i] = "held"
+
+
+def blend(track: Track, i: int, corners: Array, confidence: float, deviation: float, weight: float) -> None:
+    """Puts a pose into frame i of a track, in the place of the one there, or mixed with it where weight is under 1."""
+    for values, new in ((track.corners, corners), (track.confidence, confidence), (track.deviation, deviation)):
+        values[i] = new if weight == 1 else values[i] if weight == 0 else (1 - weight) * values[i] + weight * new
+
+
+def _certainty(ours: float, theirs: float) -> float:
+    """Weight of a pose against another by their deviations, px, either of which may be infinite."""
+    if not np.isfinite(ours):
+        return 0.0
+    return 1.0 if not np.isfinite(theirs) else float(theirs**2 / max(ours**2 + theirs**2, 1e-12))
 
 
 def blank(source: Source, start: int, quad: Array, times: list[Fraction], keyframes: dict[int, Array]) -> Track:
     """A track of which nothing is known but the reference frame and the keyframes."""
     n = len(times)
-    track = Track(source, start, quad, times, np.repeat(UNKNOWN[None], n, 0), ["lost"] * n, np.zeros(n))
+    track = Track(
+        source, start, quad, times, np.repeat(UNKNOWN[None], n, 0), ["lost"] * n, np.zeros(n), np.full(n, np.inf)
+    )
     track.keyframes = keyframes
     fix(track, track.given)
     return track
@@ -138,19 +155,21 @@ def blank(source: Source, start: int, quad: Array, times: list[Fraction], keyfra
 def fix(track: Track, poses: dict[int, Array]) -> None:
     """Sets known poses, which are exact."""
     for index, corners in poses.items():
-        track.corners[index], track.states[index], track.confidence[index] = corners, "tracked", 1.0
+        blend(track, index, corners, 1.0, 0.0, 1.0)
+        track.states[index] = "tracked"
 
 
 def clear(track: Track, frames: Iterable[int]) -> None:
     """Forgets what is known of some frames."""
     for i in frames:
-        track.corners[i], track.states[i], track.confidence[i] = UNKNOWN, "lost", 0.0
+        blend(track, i, UNKNOWN, 0.0, np.inf, 1.0)
+        track.states[i] = "lost"
 
 
 def bridge(track: Track, frames: range) -> None:
-    """Leads held corners straight from the fix before them to the one after, where there is no loss or cut between."""
-    fixes = frames.start + np.flatnonzero(_tracked([track.states[i] for i in frames]))
-    for a, b in pairwise(fixes):
+    """Leads held corners that were not measured straight between those around them, never across a loss or cut."""
+    measured = frames.start + np.flatnonzero(np.isfinite(track.deviation[list(frames)]))
+    for a, b in pairwise(measured):
         held = all(track.states[i] == "held" for i in range(a + 1, b))
         if b > a + 1 and held and not any(a < cut <= b for cut in track.cuts):
             way = (np.arange(1, b - a) / (b - a))[:, None, None]

@@ -42,6 +42,7 @@ class Track:
         corners: (N, 4, 2) px; NaN where there is no pose.
         states: N of 'tracked', 'held', 'lost'.
         confidence: (N,) 0..1.
+        deviation: (N,) px, standard deviation of the corners; infinite where they are not measured.
         keyframes: corners (4, 2) given by hand, by the frame's index; the track passes through them.
         cuts: indices of frames that begin another shot than the one before them.
     """
@@ -53,6 +54,7 @@ class Track:
     corners: Array
     states: list[State]
     confidence: Array
+    deviation: Array
     warnings: list[str] = field(default_factory=list)
     keyframes: dict[int, Array] = field(default_factory=dict)
     cuts: list[int] = field(default_factory=list)
@@ -97,6 +99,7 @@ class Track:
                     "homography": None if homography is None else homography.tolist(),
                     "state": state,
                     "confidence": round(float(self.confidence[i]), 4),
+                    "deviation": round(float(self.deviation[i]), 4) if np.isfinite(self.deviation[i]) else None,
                 }
             )
         s = self.source
@@ -178,6 +181,14 @@ def _parse(content: dict[str, Any]) -> Track:
         corners,
         [f["state"] for f in frames],
         np.array([f["confidence"] for f in frames], np.float64),
+        np.array([_deviation(f) for f in frames], np.float64),
         keyframes=keyframes,
         cuts=[int(c) for c in content.get("cuts", [])],
     )
+
+
+def _deviation(frame: dict[str, Any]) -> float:
+    """Of a frame's corners, px; where the file does not tell, a fix by half the target counts half as much."""
+    if "deviation" in frame:
+        return np.inf if frame["deviation"] is None else float(frame["deviation"])
+    return 1 / max(frame["confidence"], 0.1) if frame["state"] == "tracked" else np.inf

@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 
 TRUSTED_SCORE = 0.3  # of a similarity branch, below which its motion is not followed
-SEEN = 0.1  # share of the target that the residual component sees, below which the pair counts as negative
+SEEN = 0.15  # share of the target that the residual component sees, below which the pair counts as negative
 # What makes a fix: the share of the visible target that agrees, or a patch of it that hangs together, as beside an
 # occluder. Patches of 0.08 come about by chance in one frame of a hundred that does not show the target.
-FIX, PATCH = 0.4, 0.14
+FIX, PATCH = 0.4, 0.1
+CONSISTENT = 0.6
+HINT = 0.04  # a patch that is followed, though it makes no fix
 FIX_WITHOUT_HDN, PATCH_WITHOUT_HDN = 0.55, 0.2  # the same where HDN takes the pair for a negative one
 
 
@@ -33,9 +35,20 @@ class Evidence:
 def is_fix(evidence: Evidence) -> bool:
     """Whether the evidence says that the target was found.
 
-    A negative pair shows as a low score or as offsets pulled to zero with nothing seen; then the photometric agreement
-    has to be the stronger.
+    A negative pair shows as offsets pulled to zero and nothing seen; then the photometric agreement has to be the
+    stronger. The score does not count: it falls with every occluder.
     """
-    negative = evidence.score < TRUSTED_SCORE or evidence.visible < SEEN
-    fix, patch = (FIX_WITHOUT_HDN, PATCH_WITHOUT_HDN) if negative else (FIX, PATCH)
-    return evidence.agreement >= fix or evidence.cohesion >= patch
+    negative = evidence.visible < SEEN
+    if negative:
+        return evidence.agreement >= FIX_WITHOUT_HDN or evidence.cohesion >= PATCH_WITHOUT_HDN
+    return evidence.agreement >= FIX or (evidence.cohesion >= PATCH and _is_consistent(evidence))
+
+
+def is_hint(evidence: Evidence) -> bool:
+    """Whether it is too little for a fix, but still better than to stay put: both HDN and a small patch see it."""
+    return evidence.visible >= SEEN and evidence.cohesion >= HINT and _is_consistent(evidence)
+
+
+def _is_consistent(evidence: Evidence) -> bool:
+    """Whether most of what the residual component sees agrees with the template as well."""
+    return evidence.agreement >= CONSISTENT * evidence.visible

@@ -16,6 +16,8 @@ from .observation import Observation
 from .polar import polar_points
 from .sampling import Image, Pyramid
 
+CLEAR = 0.8  # share of the target seen, from which nothing hides it
+
 Stage = Literal["similarity", "residual", "refinement"]
 
 
@@ -72,6 +74,11 @@ class Proposer:
         length, visible = 0.0, np.ones((1, 1), np.float32)
         if "residual" in self.stages:
             homography, length, visible = self._residual(frame, homography)
+            if "similarity" in self.stages and visible.mean() < CLEAR:
+                # An occluder draws the similarity off; the residual says whether the target is still where it was.
+                there, its_length, its_visible = self._residual(frame, start)
+                if its_visible.mean() > visible.mean():
+                    homography, length, visible = there, its_length, its_visible
         return Proposal(normalised(homography), score, polar_score, length, visible)
 
     def score(self, frame: Pyramid, start: Array) -> float:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .homography import Array, from_corners, normalised, square, transform
+from .homography import Array, area, from_corners, normalised, square, transform
 from .sampling import Pyramid
 
 Grey = NDArray[np.float32]
@@ -21,10 +21,12 @@ CELLS = 8  # the target is judged on a grid of CELLS x CELLS
 AGREES = 0.5  # correlation from which a cell is taken to show the template
 SURELY = 0.6  # and from which it hardly does so by chance
 ALIGNED = 0.7  # correlation that the best cells reach once the crop is nearly aligned
+EVERYWHERE: Grey = np.ones((CELLS, CELLS), np.float32)
 SETTLED = 0.3  # px of the crop that an alignment moves the corners by, under which the next would not tell more
 # Expected moves of the eight parameters, px at the crop's edge: affine four, translation free, perspective.
 SPREAD = np.array([5.0, 5, 100, 5, 5, 100, 2, 2])
-CORRELATED = 100  # neighbouring pixels share their errors: this many count as one
+CORRELATED = 100  # neighbouring pixels share their errors: this many count as one, against these moves
+SHARED = 25  # and in the uncertainty that is told; so the error was below it in 9 of 10 frames of real clips
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,23 @@ class Agreement:
         return float(patches[1:, cv2.CC_STAT_AREA].max(initial=0)) / agree.size
 
 
+@dataclass(frozen=True)
+class Alignment:
+    """Where a frame fits the template.
+
+    Attributes:
+        homography: (3, 3) template to frame.
+        agreement: how well it fits there, but for the last `moved` px.
+        deviation: standard deviation of the corners, px of the frame: what is seen leaves them open by so much.
+        moved: how far the last step moved the corners, px of the rectified crop.
+    """
+
+    homography: Array
+    agreement: Agreement
+    deviation: float
+    moved: float
+
+
 class Refiner:
     """Aligns frames to one template."""
 
@@ -97,26 +116,30 @@ class Refiner:
         # Nothing outside the quad is looked at: what lies there may move on its own.
         return frame.crop(homography @ self.crop_to_template, self.width, self.height).astype(np.float32)
 
-    def align(self, frame: Pyramid, homography: Array) -> tuple[Array, Agreement]:
-        """The homography (3, 3), template to frame, nearest to the given one at which the frame fits the template.
+    def align(self, frame: Pyramid, homography: Array, seen: Grey = EVERYWHERE) -> "Alignment":
+        """Finds the pose nearest to a given one (3, 3), template to frame, at which the frame fits the template.
 
-        Also how well it fits there.
+        Args:
+            seen: (8, 8) 0..1, which cells of the target may be looked at.
         """
         coarse, fine = self.levels
-        homography, _, _ = self._step(coarse, frame, homography)
+        alignment = self._step(coarse, frame, homography, seen)
         for _ in range(3):
-            homography, agreement, moved = self._step(fine, frame, homography)
-            if moved < SETTLED:
+            alignment = self._step(fine, frame, alignment.homography, seen)
+            if alignment.moved < SETTLED:
                 break
-        return homography, agreement
+        return alignment
 
-    def _step(self, level: "_Level", frame: Pyramid, homography: Array) -> tuple[Array, Agreement, float]:
-        """One alignment at one level; also the agreement before it, and how far it moved the corners, crop px."""
+    def _step(self, level: "_Level", frame: Pyramid, homography: Array, seen: Grey) -> "Alignment":
+        """One alignment at one level."""
         search, agreement = self._compare(level, frame, homography)
-        warp = level.align(search, self._trust(agreement.correlation))
+        warp, deviation = level.align(search, self._trust(agreement.correlation) * seen)
         moved = float(np.abs(transform(warp, self.outline) - self.outline).max())
-        homography = homography @ self.crop_to_template @ warp @ np.linalg.inv(self.crop_to_template)
-        return normalised(homography), agreement, moved
+        moved_crop = homography @ self.crop_to_template @ warp
+        with np.errstate(invalid="ignore"):
+            size = np.sqrt(np.abs(area(transform(moved_crop, self.outline)) / (self.width * self.height)))
+        found = normalised(moved_crop @ np.linalg.inv(self.crop_to_template))
+        return Alignment(found, agreement, float(deviation * size), moved)
 
     def _compare(self, level: "_Level", frame: Pyramid, homography: Array) -> tuple[Grey, Agreement]:
         search = _normalise(cv2.GaussianBlur(self._crop(frame, homography), (0, 0), level.blur), self.sigma)
@@ -168,11 +191,18 @@ class _Level:
         radial = u * dx + v * dy
         jacobian = np.stack([u * dx, v * dx, dx, u * dy, v * dy, dy, -u * radial, -v * radial], 1) / self.scale
         self.jacobian = jacobian.astype(np.float32)
+        # How the corners move with the eight parameters, (4, 2, 8).
+        self.corners = np.array(
+            [
+                [[a, b, 1, 0, 0, 0, -a * a, -a * b], [0, 0, 0, a, b, 1, -a * b, -b * b]]
+                for a, b in (square(1) * 2) * [w, h] * self.scale / 2
+            ]
+        )
         self.values = template[y, x]
         self.cells = y * CELLS // h, x * CELLS // w
 
-    def align(self, search: Grey, trust: Grey, iterations: int = 12) -> Array:
-        """Warp (3, 3), template pixels to pixels of the search crop.
+    def align(self, search: Grey, trust: Grey, iterations: int = 12) -> tuple[Array, float]:
+        """Warp (3, 3), template pixels to pixels of the search crop; and the corners' standard deviation, px of it.
 
         Args: trust: (8, 8) weights of the target's cells, 0..1.
         """
@@ -203,7 +233,8 @@ class _Level:
             warp = normalised(warp @ from_unit @ np.linalg.inv(increment) @ to_unit)
             if np.abs(step[[2, 5]]).max() / self.scale < 0.01 and np.abs(step).max() / self.scale < 0.02:
                 break
-        return warp
+        covariance = SHARED * noise**2 * np.linalg.inv(hessian + np.diag(prior + 1e-6)) / self.scale**2
+        return warp, float(np.sqrt(np.einsum("cij,jk,cik->", self.corners, covariance, self.corners) / 4))
 
 
 def _tukey(error: Grey) -> Grey:

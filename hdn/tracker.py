@@ -10,7 +10,7 @@ import numpy as np
 from . import weights
 from .engine import Engine, Floats
 from .errors import InputError
-from .evidence import FIX, SEEN, TRUSTED_SCORE, Evidence, is_fix
+from .evidence import FIX, SEEN, TRUSTED_SCORE, Evidence, is_fix, is_hint
 from .homography import Array, area, is_convex, normalised, similarity, transform, translation
 from .observation import Observation
 from .proposal import Proposal, Proposer, Stage
@@ -25,7 +25,9 @@ SURE = 0.85  # agreement beyond which no other start is tried
 # How far a target's step may differ from that of its surroundings for it to be taken as fixed among them: mean over the
 # corners, px, or as a share of the step's length.
 ATTACHED_PX, ATTACHED_SHARE = 1.5, 0.15
+CARRIED = 1.0  # px by which each step with the surroundings makes the corners less certain
 SCALES = (1.0, 0.6, 1.6)  # of the last pose, at which a lost target is looked for
+UNREFINED = 2.0  # px, deviation of a proposal's corners
 MOST_WINDOWS = 16  # looked at in one frame
 MIN_SIDE = 16  # px: a smaller target shows too little to track
 HOLD_FRAMES = 20  # frames without a fix after which a held target counts as lost
@@ -40,6 +42,8 @@ class Estimate:
         corners: (4, 2) the target's corners in this frame, px.
         state: 'tracked', 'held' (no fix for some frames: the pose is the last one) or 'lost'.
         confidence: 0..1, the share of the target's area in the frame that agrees with the template.
+        deviation: px, standard deviation of the corners: small where all is seen, some px where half is hidden,
+            infinite where nothing tells where the target is.
         visibility: (8, 8) 0..1, which cells of the target are seen, row by row in its own reading order.
         evidence: what the judgement rests on.
     """
@@ -48,7 +52,8 @@ class Estimate:
     corners: Array
     state: State
     confidence: float
-    visibility: Array
+    deviation: float
+    visibility: Floats
     evidence: Evidence
 
 
@@ -101,7 +106,7 @@ class Tracker:
     def place(self, homography: Array) -> None:
         """Goes on from a known pose: (3, 3), reference-frame pixels to those of the frame before the next."""
         self.homography = self.previous = normalised(homography)
-        self.missed = 0
+        self.missed, self.deviation = 0, 0.0
         self._seen = ()
         self._attached = False  # to what surrounds the target
 
@@ -118,19 +123,24 @@ class Tracker:
         seen = _observed(frame)
         finding = self._locate(seen)
         if not is_fix(finding.evidence) and self.missed >= 2:
-            finding = self._search(seen)
+            finding = max(finding, self._search(seen), key=_strength)
         found = is_fix(finding.evidence)
         if found:
             self.previous = self.homography if self.missed == 0 else finding.homography
-            self.homography, self.missed = finding.homography, 0
+            self.homography, self.deviation, self.missed = finding.homography, finding.deviation, 0
         else:
-            self._carry_on(seen.grey)
+            if is_hint(finding.evidence) and self.missed < HOLD_FRAMES:
+                self.homography, self.deviation = finding.homography, finding.deviation
+                self.previous = self.homography
+            else:
+                self._carry_on(seen.grey)
             self.missed += 1
         self._seen = (seen.grey, *self._seen[:1])
         state: State = "tracked" if found else "held" if self.missed <= HOLD_FRAMES else "lost"
         confidence = finding.evidence.agreement * (1.0 if found else 0.5)
         corners = transform(self.homography, self.quad)
-        return Estimate(self.homography, corners, state, confidence, finding.visibility * found, finding.evidence)
+        visibility = finding.visibility * found
+        return Estimate(self.homography, corners, state, confidence, self.deviation, visibility, finding.evidence)
 
     def _carry_on(self, grey: Pyramid) -> None:
         """Moves the pose of a hidden target with its surroundings, if it did move with them while it was seen."""
@@ -141,8 +151,8 @@ class Tracker:
             step = surrounding_motion(self._seen[0], grey, transform(self.homography, self.quad))
         moved = self.homography if step is None else normalised(step @ self.homography)
         self._attached = step is not None and self._plausible(moved)
-        if self._attached:
-            self.homography = moved
+        self.homography = moved if self._attached else self.homography
+        self.deviation = self.deviation + CARRIED if self._attached else np.inf
         self.previous = self.homography
 
     def _moved_with_surroundings(self) -> bool:
@@ -179,7 +189,7 @@ class Tracker:
         if self.missed % 2 == 0:
             found = self.redetector.find(seen)
             if found is None or not self._plausible(found):
-                return _Finding(self.homography, Evidence(), np.zeros((CELLS, CELLS)))
+                return _Finding(self.homography, Evidence(), np.zeros((CELLS, CELLS), np.float32))
             proposal = Proposal(
                 found, 1.0, 1.0, 0.0, np.ones((1, 1), np.float32)
             )  # keypoints vouch for it as HDN would
@@ -206,14 +216,16 @@ class Tracker:
 
     def _refine(self, grey: Pyramid, start: Array, proposal: Proposal) -> "_Finding":
         """Photometric alignment from a start, and what it says of it together with a proposal."""
-        homography, agreement = self.refiner.align(grey, start)
+        seen = _cells(proposal.visible)
+        found = self.refiner.align(grey, start, np.clip(4 * seen - 0.6, 0.01, 1))
+        homography, agreement = found.homography, found.agreement
         evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(proposal.visible.mean()))
         if not (np.isfinite(homography).all() and self._plausible(homography)):
-            return _Finding(start, evidence, np.zeros((CELLS, CELLS)))
+            return _Finding(start, evidence, np.zeros((CELLS, CELLS), np.float32))
         evidence = replace(evidence, agreement=agreement.share, cohesion=agreement.cohesion)
         # Where there is no texture to compare, the network's word for it.
-        visibility = np.where(agreement.textured, agreement.agrees, _cells(proposal.visible)) * agreement.in_frame
-        return _Finding(homography, evidence, visibility)
+        visibility = np.where(agreement.textured, agreement.agrees, seen).astype(np.float32) * agreement.in_frame
+        return _Finding(homography, evidence, visibility, found.deviation)
 
     def _predicted(self) -> Array:
         """The pose that the last frame's motion leads to."""
@@ -228,15 +240,20 @@ class Tracker:
 
 
 class _Finding(NamedTuple):
-    """A pose (3, 3), what speaks for it, and which cells (8, 8) of the target are seen, 0..1."""
+    """A pose (3, 3), what speaks for it, which cells (8, 8) are seen, 0..1, and how uncertain the corners are, px."""
 
     homography: Array
     evidence: Evidence
-    visibility: Array
+    visibility: Floats
+    deviation: float = np.inf
 
 
 def _agreement(finding: _Finding) -> float:
     return finding.evidence.agreement
+
+
+def _strength(finding: _Finding) -> tuple[bool, float]:
+    return is_fix(finding.evidence), finding.evidence.cohesion
 
 
 def _unrefined(proposal: Proposal) -> _Finding:
@@ -244,12 +261,12 @@ def _unrefined(proposal: Proposal) -> _Finding:
     visible = float(proposal.visible.mean())
     found = min(proposal.score, proposal.polar_score) >= TRUSTED_SCORE and visible >= SEEN
     evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, visible, float(found))
-    return _Finding(proposal.homography, evidence, _cells(proposal.visible))
+    return _Finding(proposal.homography, evidence, _cells(proposal.visible), UNREFINED)
 
 
-def _cells(visible: Floats) -> Array:
+def _cells(visible: Floats) -> Floats:
     """A map of the target at any resolution as (8, 8)."""
-    return np.asarray(cv2.resize(visible, (CELLS, CELLS), interpolation=cv2.INTER_AREA), np.float64)
+    return np.asarray(cv2.resize(visible, (CELLS, CELLS), interpolation=cv2.INTER_AREA), np.float32)
 
 
 def check_quad(quad: Array, width: int, height: int) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -10,10 +11,11 @@ import cv2
 import numpy as np
 import pytest
 
-from hdn.benchmark import cli, trackers
+from hdn.benchmark import cli, evaluation, identity, trackers
 from hdn.benchmark.trackers import Answer
 from hdn.errors import InputError
 from hdn.homography import Array
+from hdn.weights import load, save, shipped
 
 from .media import make_clip
 from .scenes import Scene, path
@@ -108,13 +110,13 @@ def test_everything_is_written(run: Run, clips: Path, tmp_path: Path) -> None:
 
 def test_goes_on_where_it_stopped(run: Run, clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[Fake] = []
-    monkeypatch.setattr(cli, "write_plots", lambda *_: None)  # they take longest
+    monkeypatch.setattr(evaluation, "write_plots", lambda *_: None)  # they take longest
 
     def fake() -> Fake:
         started.append(Fake())
         return started[-1]
 
-    monkeypatch.setitem(trackers.TRACKERS, "fake", fake)
+    monkeypatch.setitem(trackers.PEERS, "fake", fake)
     command = (clips, "--trackers", "fake", "--out", tmp_path, "--quiet")
 
     def runs(*more: object) -> int:
@@ -132,6 +134,50 @@ def test_goes_on_where_it_stopped(run: Run, clips: Path, tmp_path: Path, monkeyp
     assert runs("--degrade", "dark", "--only", "le*") == 0
 
 
+def test_tracks_by_other_code_or_weights_do_not_serve(
+    run: Run, clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[Fake] = []
+    monkeypatch.setattr(evaluation, "write_plots", lambda *_: None)
+
+    def fake(*_: Path) -> Fake:
+        started.append(Fake())
+        return started[-1]
+
+    monkeypatch.setitem(trackers.PEERS, "fake", fake)
+    monkeypatch.setitem(trackers.OURS, "hdn", trackers.Ours("compact", fake))
+    sources = tmp_path / "hdn"
+    (sources / "benchmark").mkdir(parents=True)
+    names = ("tracker", "homography", "training", "benchmark/trackers", "benchmark/sequences", "benchmark/degradation")
+    for name in names:
+        (sources / f"{name}.py").write_text("x = 1")
+    monkeypatch.setattr(identity, "HERE", sources / "benchmark")
+    weights = tmp_path / "weights"
+    shutil.copy(shipped(), weights)
+
+    def runs(tracker: str) -> int:
+        started.clear()
+        given = ["--weights", weights] if tracker == "hdn" else []
+        assert run(clips, "--trackers", tracker, "--out", tmp_path, "--quiet", *given) == (0, "", "")
+        return len(started) - 1
+
+    def change(name: str) -> None:
+        (sources / f"{name}.py").write_text("x = 2")
+
+    assert [runs("fake"), runs("hdn"), runs("fake"), runs("hdn")] == [2, 2, 0, 0]
+    change("training")
+    assert [runs("fake"), runs("hdn")] == [0, 0]
+    change("tracker")
+    assert [runs("fake"), runs("hdn")] == [0, 2]
+    change("benchmark/trackers")
+    assert [runs("fake"), runs("hdn")] == [2, 2]
+    network = load(weights)
+    next(network.parameters()).add_(1e-3)
+    save(network, tmp_path / "other", {})  # not over a file that the network's tensors may be mapped from
+    (tmp_path / "other").replace(weights)
+    assert [runs("fake"), runs("hdn")] == [0, 2]
+
+
 def test_an_interruption_keeps_what_is_done(
     run: Run, clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -141,7 +187,7 @@ def test_an_interruption_keeps_what_is_done(
             if (tmp_path / "tracks" / clips.name / "fake" / "left.json").exists():
                 raise KeyboardInterrupt
 
-    monkeypatch.setitem(trackers.TRACKERS, "fake", Interrupted)
+    monkeypatch.setitem(trackers.PEERS, "fake", Interrupted)
     status, _, err = run(clips, "--trackers", "fake", "--out", tmp_path)
     assert status == 130
     assert "goes on from there" in err
@@ -151,7 +197,7 @@ def test_an_interruption_keeps_what_is_done(
 def test_a_failing_tracker_does_not_stop_the_others(
     run: Run, clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(trackers.TRACKERS, "failing", Failing)
+    monkeypatch.setitem(trackers.PEERS, "failing", Failing)
     status, _, err = run(clips, "--trackers", "failing", "flow", "--out", tmp_path)
     assert status == 1
     assert err == f"error: 2 of 4 runs failed; the first: failing on {clips.name}/left failed in frame 1: at all\n"
@@ -162,14 +208,14 @@ def test_a_failing_tracker_does_not_stop_the_others(
 def test_no_answer_is_a_failure_but_where_the_truth_is_unknown(
     run: Run, clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tracker: type[Fake]
 ) -> None:
-    monkeypatch.setitem(trackers.TRACKERS, "fake", tracker)
+    monkeypatch.setitem(trackers.PEERS, "fake", tracker)
     assert run(clips, "--trackers", "fake", "--out", tmp_path)[0] == 0
     row = table(tmp_path / "summary.csv")[0]
     assert (row["avg Prec"], row["lost wrongly"], row["median error"]) == ("0.000", "1.000", "inf")
 
 
 def test_the_sheet_shows_both_quads(run: Run, clips: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(trackers.TRACKERS, "fake", lambda: Fake(right=40))
+    monkeypatch.setitem(trackers.PEERS, "fake", lambda: Fake(right=40))
     run(clips, "--trackers", "fake", "--out", tmp_path)
     sheet = cv2.imread(str(tmp_path / clips.name / "failures-fake.jpg"))
     assert sheet is not None
@@ -217,6 +263,9 @@ def test_a_clip_that_ends_early_is_measured_as_far_as_it_goes(
     [
         (["nowhere"], "nowhere is not a folder"),
         (["{clips}", "--trackers", "magic"], "no tracker 'magic'"),
+        (["{clips}", "--trackers", "hdn-paper"], "hdn-paper needs weights of the configuration 'paper'"),
+        (["{clips}", "--trackers", "hdn", "--weights", "none.safetensors"], "none.safetensors is missing"),
+        (["{clips}", "--trackers", "flow", "--weights", "{weights}"], "none of the trackers takes"),
         (["{clips}", "--only", "x*"], "no sequence is called like 'x*'"),
         (["{clips}", "--degrade", "rain"], "invalid choice: 'rain'"),
         (["{clips}", "--limit", "1"], "--limit 2 or more"),
@@ -226,7 +275,7 @@ def test_a_clip_that_ends_early_is_measured_as_far_as_it_goes(
     ],
 )
 def test_wrong_input(run: Run, clips: Path, tmp_path: Path, arguments: list[str], message: str) -> None:
-    given = [a.format(clips=clips) for a in arguments]
+    given = [a.format(clips=clips, weights=shipped()) for a in arguments]
     if "--trackers" not in given:
         given += ["--trackers", "flow"] if given else []
     status, out, err = run(*given, *(["--out", tmp_path] if given else []))

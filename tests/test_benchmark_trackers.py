@@ -1,23 +1,28 @@
 """Every tracker of the benchmark on a moving poster, and on a wall without it."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
+from hdn import weights
 from hdn.benchmark import trackers
-from hdn.benchmark.trackers import TRACKERS, make_tracker
+from hdn.benchmark.trackers import OURS, TRACKERS, make_tracker, weights_of
+from hdn.config import PAPER
 from hdn.engine import Engine
 from hdn.errors import InputError
 
 from .scenes import Scene, error, path
 
 FRAMES = 12
-NAMES = [name for name in TRACKERS if "akaze" not in name or hasattr(cv2, "AKAZE_create")]
+PAPERS = [name for name, ours in OURS.items() if ours.config == PAPER.name]
+NAMES = [n for n in TRACKERS if n not in PAPERS and ("akaze" not in n or hasattr(cv2, "AKAZE_create"))]
 
 
 @pytest.fixture(autouse=True)
 def shared_networks(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trackers, "_engine", lambda: engine)
+    monkeypatch.setattr(trackers, "_engine", lambda _: engine)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -31,10 +36,13 @@ def test_follows_a_poster(name: str) -> None:
         assert answer.state == "tracked"
         assert answer.corners is not None
         errors.append(error(answer.corners, corners))
-    assert np.median(errors) < 1.5, errors
+    # Without refinement errors add up; that is still to be better than standing still.
+    alone = name.startswith("hdn-")
+    limit = np.median([error(truth[0], corners) for corners in truth[1:]]) if alone else 1.5
+    assert np.median(errors) < limit, errors
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [n for n in NAMES if n != "hdn-residual"])  # which has no score to tell by
 def test_knows_nothing_of_a_plain_frame(name: str) -> None:
     scene, tracker = Scene(), make_tracker(name)
     tracker.init(scene.draw(scene.quad), scene.quad)
@@ -48,7 +56,7 @@ def test_a_target_without_texture_is_lost_or_refused_but_no_crash(name: str) -> 
     quad = np.array([[40.0, 30], [120, 30], [120, 90], [40, 90]])
     tracker = make_tracker(name)
     tracker.init(plain, quad)
-    assert tracker.track(plain).corners is None or name == "hdn"
+    assert tracker.track(plain).corners is None or name in OURS
 
 
 @pytest.mark.parametrize("shrink", [1, 3])
@@ -63,8 +71,59 @@ def test_ecc_is_exact_on_a_target_larger_than_its_working_size(shrink: int) -> N
     assert error(answer.corners, there) < 0.15
 
 
+@pytest.fixture(scope="module")
+def paper_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Untrained weights of the paper's configuration, with offsets of zero: others may lead out of all bounds."""
+    network = weights.Hdn(PAPER).requires_grad_(False)
+    for branch in (network.similarity.translation, network.similarity.polar):
+        branch.loc_scale.zero_()
+    network.residual.fc.weight.zero_()
+    network.residual.fc.bias.zero_()
+    path = tmp_path_factory.mktemp("paper") / "paper.safetensors"
+    weights.save(network, path, {})
+    return path
+
+
+def test_the_authors_tracker_runs_on_the_papers_configuration(paper_file: Path) -> None:
+    scene, tracker = Scene(), make_tracker("hdn-authors", paper_file)
+    tracker.init(scene.draw(scene.quad), scene.quad)
+    corners = tracker.track(scene.draw(scene.quad)).corners
+    assert corners is not None
+    assert corners.shape == (4, 2)
+    assert np.isfinite(corners).all()
+
+
+@pytest.mark.parametrize("name", PAPERS)
+def test_the_papers_configuration_needs_its_own_weights(name: str, paper_file: Path) -> None:
+    assert weights_of(name, [weights.shipped(), paper_file]) == paper_file
+    for files in ([], [weights.shipped()]):
+        with pytest.raises(InputError, match=f"{name} needs weights of the configuration 'paper'"):
+            weights_of(name, files)
+
+
+def test_a_file_serves_the_trackers_of_its_configuration(paper_file: Path) -> None:
+    assert weights_of("hdn-raw", [paper_file]) == weights.shipped()
+    assert weights_of("sift", [paper_file]) is None
+
+
+def test_without_refinement_errors_add_up() -> None:
+    scene = Scene()
+    truth = path(scene.quad, FRAMES)
+    last = {}
+    for name in ("hdn", "hdn-raw", "hdn-similarity", "hdn-residual"):
+        tracker = make_tracker(name)
+        tracker.init(scene.draw(truth[0]), truth[0])
+        for corners in truth[1:]:
+            answer = tracker.track(scene.draw(corners))
+        assert answer.corners is not None
+        last[name] = error(answer.corners, truth[-1])
+    assert last["hdn"] < 0.5
+    assert min(last, key=lambda name: last[name]) == "hdn"
+    assert len(set(last.values())) == 4  # each does another thing
+
+
 def test_unknown_tracker() -> None:
-    with pytest.raises(InputError, match="no tracker 'magic': choose from hdn, sift"):
+    with pytest.raises(InputError, match=r"no tracker 'magic': choose from hdn, .*, sift"):
         make_tracker("magic")
 
 

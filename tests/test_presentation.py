@@ -20,7 +20,7 @@ def track() -> Track:
     corners[LOSS] = np.nan
     states = ["tracked"] * 20 + ["lost"] * 30 + ["tracked"] * 30
     times = [Fraction(i, 30) for i in range(80)]
-    return Track(Source("a.mp4", 320, 240, Fraction(30), 80), 0, QUAD, times, corners, states, np.ones(80))  # type: ignore[arg-type]
+    return Track(Source("a.mp4", 320, 240, Fraction(30), 80), 0, QUAD, times, corners, states, np.ones(80), np.ones(80))  # type: ignore[arg-type]
 
 
 def test_fades_out_where_it_was_and_in_where_it_is(track: Track) -> None:

@@ -23,7 +23,8 @@ def test_aligns_to_a_fraction_of_a_pixel(scene: Scene, light: tuple[float, float
     truth = moved(scene.quad, (3.3, -2.1), 1.04, 0.03, 0.0002)
     frame = np.clip(scene.draw(truth).astype(np.float32) * light[0] + light[1], 0, 255).astype(np.uint8)
     refiner = Refiner(grey(scene.draw(scene.quad)), scene.quad)
-    found, agreement = refiner.align(grey(frame), np.eye(3))
+    alignment = refiner.align(grey(frame), np.eye(3))
+    found, agreement = alignment.homography, alignment.agreement
     assert error(transform(found, scene.quad), truth) < 0.25
     assert agreement.share > 0.9
 
@@ -33,17 +34,28 @@ def test_an_occluder_does_not_pull(scene: Scene) -> None:
     frame = scene.draw(truth)
     frame[60:175, 95:140] = 20
     refiner = Refiner(grey(scene.draw(scene.quad)), scene.quad)
-    found, agreement = refiner.align(grey(frame), np.eye(3))
+    alignment = refiner.align(grey(frame), np.eye(3))
+    found, agreement = alignment.homography, alignment.agreement
     assert error(transform(found, scene.quad), truth) < 0.6
     assert 0.4 < agreement.share < 0.85
     assert np.median(agreement.correlation[:, :2]) < 0.3
     assert np.median(agreement.correlation[:, 4:]) > 0.9
 
 
+def test_what_is_hidden_makes_the_corners_uncertain(scene: Scene) -> None:
+    refiner = Refiner(grey(scene.draw(scene.quad)), scene.quad)
+    frame = scene.draw(scene.quad)
+    clear = refiner.align(grey(frame), np.eye(3)).deviation
+    frame[60:175, 95:165] = 20
+    hidden = refiner.align(grey(frame), np.eye(3)).deviation
+    assert clear < 0.5
+    assert hidden > 2 * clear
+
+
 def test_another_picture_does_not_agree(scene: Scene) -> None:
     refiner = Refiner(grey(scene.draw(scene.quad)), scene.quad)
     other = grey(Scene(seed=5).draw(scene.quad))
-    assert refiner.align(other, np.eye(3))[1].share < 0.3
+    assert refiner.align(other, np.eye(3)).agreement.share < 0.3
 
 
 def test_cells_outside_the_frame_do_not_count(scene: Scene) -> None:

@@ -9,6 +9,7 @@ from ar_demo.trackfile import Source, Track
 
 def make_track(corners: np.ndarray, states: list[str] | None = None) -> Track:
     n = len(corners)
+    measured = np.array([s == "tracked" for s in states or ["tracked"] * n])
     return Track(
         Source("clip.mp4", 640, 480, Fraction(30), n),
         0,
@@ -17,6 +18,7 @@ def make_track(corners: np.ndarray, states: list[str] | None = None) -> Track:
         corners,
         states or ["tracked"] * n,  # type: ignore[arg-type]
         np.ones(n),
+        np.where(measured, 0.3, np.inf),
     )
 
 
@@ -123,3 +125,15 @@ def test_smooths_only_where_it_shall() -> None:
 )
 def test_segments(flags: list[bool], cuts: list[int], runs: list[tuple[int, int]]) -> None:
     assert segments(flags, cuts) == runs
+
+
+def test_what_is_uncertain_counts_less() -> None:
+    """Half hidden for a while, the surface is led by what is known before and after."""
+    truth = motion(120)
+    noisy = truth + np.random.default_rng(0).normal(0, 0.1, truth.shape)
+    noisy[40:60] += np.random.default_rng(1).normal(0, 4, (20, 4, 2))
+    track = make_track(noisy)
+    alike = np.abs(smooth(track).corners - truth)[40:60].mean()
+    track.deviation[40:60] = 10
+    weighed = np.abs(smooth(track).corners - truth)[40:60].mean()
+    assert weighed < 0.6 * alike

@@ -18,7 +18,16 @@ def track() -> Track:
     corners = np.stack([QUAD, QUAD * 1.1 + 3, np.full((4, 2), np.nan)])
     source = Source("street.mp4", 320, 240, Fraction(30000, 1001), 3)
     times = [Fraction(i * 1001, 30000) for i in range(3)]
-    return Track(source, 0, QUAD, times, corners, ["tracked", "held", "lost"], np.array([1, 0.5, 0]))
+    return Track(
+        source,
+        0,
+        QUAD,
+        times,
+        corners,
+        ["tracked", "held", "lost"],
+        np.array([1, 0.5, 0]),
+        np.array([0.2, np.inf, np.inf]),
+    )
 
 
 def test_round_trip(track: Track, tmp_path: Path) -> None:

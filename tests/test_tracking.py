@@ -86,7 +86,10 @@ class Scripted:
         else:
             self.missed += 1
             state = "held" if self.missed <= 3 else "lost"
-        return Estimate(np.eye(3), self.corners.copy(), state, 0.9 if found else 0.2, Evidence())
+        confidence, deviation = (0.9, 0.3) if found else (0.2, np.inf)
+        return Estimate(
+            np.eye(3), self.corners.copy(), state, confidence, deviation, np.ones((8, 8), np.float32), Evidence()
+        )
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from ..homography import Array
-from .metrics import HOMOGRAPHY_THRESHOLDS, LENGTH_THRESHOLDS, PRECISION_THRESHOLDS, curves, mean_figures
-from .report import Result, by_tracker
+from .metrics import HOMOGRAPHY_THRESHOLDS, LENGTH_THRESHOLDS, PRECISION_THRESHOLDS, curves
+from .report import Result, attribute_table, by_tracker
 
 log = logging.getLogger(__name__)
 
@@ -52,14 +52,10 @@ def write_plots(results: list[Result], folder: Path) -> None:
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     width = 0.8 / len(groups)
-    for number, (tracker, group) in enumerate(groups.items()):
-        heights = []
-        for attribute in attributes:
-            measures = [r.measures for r in group if attribute in r.sequence.attributes]
-            heights.append(mean_figures(measures)["avg Prec"] if measures else np.nan)
+    for number, (tracker, row) in enumerate(attribute_table(groups).items()):
         at = np.arange(len(attributes)) + (number - (len(groups) - 1) / 2) * width
-        axes.bar(at, heights, width, label=tracker)
+        axes.bar(at, [row[attribute] for attribute in attributes], width, label=tracker)
     axes.set(title=dataset, ylabel="average precision", ylim=(0, 1))
     axes.set_xticks(range(len(attributes)), attributes, rotation=20)
-    axes.legend()
+    figure.legend(loc="outside right upper")
     figure.savefig(folder / "attributes.png", dpi=110)

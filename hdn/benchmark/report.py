@@ -49,18 +49,9 @@ def write_tables(results: list[Result], folder: Path) -> str:
     rows: list[dict[str, str]] = []
     for dataset in dict.fromkeys(r.sequence.dataset for r in results):
         groups = by_tracker(r for r in results if r.sequence.dataset == dataset)
-        counts = sorted({len(group) for group in groups.values()})
-        frames = max(sum(len(r.measures.errors) for r in group) for group in groups.values())
-        text += [f"## {dataset}", "", f"{counts[-1]} sequences, {frames} frames that count.", ""]
-        if len(counts) > 1:
-            text += ["**Not all trackers ran on all sequences: their rows do not compare.**", ""]
-        for average, title in (("sequences", "Mean over sequences"), ("frames", "All frames pooled")):
-            table = {}
-            for tracker, group in groups.items():
-                measures = [r.measures for r in group]
-                table[tracker] = mean_figures(measures) if average == "sequences" else figures(pooled(measures))
-                rows.append({"dataset": dataset, "average": average, "tracker": tracker} | _written(table[tracker]))
-            text += [f"{title}:", "", *_markdown(table), ""]
+        text += [f"## {dataset}", "", *section(groups)]
+        for average, table in averages(groups).items():
+            rows += [{"dataset": dataset, "average": average, "tracker": t} | _written(f) for t, f in table.items()]
     _write_csv(folder / "summary.csv", rows)
     _write_csv(
         folder / "sequences.csv",
@@ -70,12 +61,47 @@ def write_tables(results: list[Result], folder: Path) -> str:
             for r in results
         ],
     )
-    markdown = "\n".join(text)
-    (folder / "summary.md").write_text(markdown, encoding="utf-8")
-    return markdown
+    written = "\n".join(text)
+    (folder / "summary.md").write_text(written, encoding="utf-8")
+    return written
 
 
-def _markdown(table: dict[str, dict[str, float]]) -> list[str]:
+def section(groups: dict[str, list[Result]]) -> list[str]:
+    """Lines that say of one data set, by tracker, all that there is to say in figures."""
+    counts = sorted({len(group) for group in groups.values()})
+    frames = max(sum(len(r.measures.errors) for r in group) for group in groups.values())
+    text = [f"{counts[-1]} sequences, {frames} frames that count.", ""]
+    if len(counts) > 1:
+        text += ["**Not all trackers ran on all sequences: their rows do not compare.**", ""]
+    means = averages(groups)
+    text += ["Mean over sequences:", "", *markdown(means["sequences"]), ""]
+    text += ["All frames pooled:", "", *markdown(means["frames"]), ""]
+    if any(r.sequence.attributes for group in groups.values() for r in group):
+        text += ["Average precision by attribute:", "", *markdown(attribute_table(groups)), ""]
+    return text
+
+
+def averages(groups: dict[str, list[Result]]) -> dict[str, dict[str, dict[str, float]]]:
+    """Each tracker's figures, averaged over "sequences" and over all "frames" pooled."""
+    measures = {tracker: [r.measures for r in group] for tracker, group in groups.items()}
+    return {
+        "sequences": {tracker: mean_figures(several) for tracker, several in measures.items()},
+        "frames": {tracker: figures(pooled(several)) for tracker, several in measures.items()},
+    }
+
+
+def attribute_table(groups: dict[str, list[Result]]) -> dict[str, dict[str, float]]:
+    """Each tracker's average precision for each attribute, mean over its sequences."""
+    attributes = sorted({a for group in groups.values() for r in group for a in r.sequence.attributes})
+    table: dict[str, dict[str, float]] = {}
+    for tracker, group in groups.items():
+        having = {a: [r.measures for r in group if a in r.sequence.attributes] for a in attributes}
+        table[tracker] = {a: mean_figures(m)["avg Prec"] if m else math.nan for a, m in having.items()}
+    return table
+
+
+def markdown(table: dict[str, dict[str, float]]) -> list[str]:
+    """Lines of a table with a row for each tracker and a column for each figure; all have the same figures."""
     names = list(next(iter(table.values())))
     lines = ["| tracker | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
     for tracker, values in table.items():

@@ -51,7 +51,7 @@ def generate(
         InputError: a texture that cannot be read.
         RunError: writing fails.
     """
-    name = f"{attribute.replace(' ', '-')}-{number + 1:02d}"
+    name = _name(attribute, number)
     rng = np.random.default_rng([VERSION, seed, zlib.crc32(attribute.encode()), number])
     cast = make_scene(CHALLENGES[attribute], setting.width, setting.height, frames, pictures, rng)
     crf = int(rng.integers(19, 29))
@@ -98,6 +98,20 @@ def generate(
     except OSError as error:
         raise RunError(f"cannot write {path}: {error.strerror}") from error
     return path
+
+
+def made(out: Path, attribute: str, number: int, setting: Setting, frames: int, seed: int) -> bool:
+    """Whether `generate` has made this sequence in the folder before, whatever its textures were."""
+    try:
+        truth = json.loads((out / f"{_name(attribute, number)}.json").read_text(encoding="utf-8"))
+    except (FileNotFoundError, json.JSONDecodeError):
+        return False
+    wanted = {"version": VERSION, "seed": seed, "width": setting.width, "height": setting.height}
+    return wanted.items() <= truth.items() and len(truth["corners"]) == frames
+
+
+def _name(attribute: str, number: int) -> str:
+    return f"{attribute.replace(' ', '-')}-{number + 1:02d}"
 
 
 def main(arguments: Many[str] | None = None) -> None:

@@ -16,12 +16,13 @@ from .. import weights
 from ..config import COMPACT, PAPER
 from ..engine import Engine
 from ..errors import InputError
+from ..evidence import TRUSTED_SCORE
 from ..homography import Array, from_corners, is_convex
 from ..homography import transform as through
-from ..observation import Observation
+from ..proposal import Stage
 from ..reference import ReferenceTracker
 from ..sampling import Image
-from ..tracker import TRUSTED_SCORE, Stage, State, Tracker
+from ..tracker import State, Tracker
 
 
 class Answer(NamedTuple):
@@ -72,13 +73,13 @@ class Stages:
         self.corners = quad
 
     def track(self, frame: Image) -> Answer:
-        homography, evidence = self.tracker.propose(Observation(frame))
-        corners = through(homography, self.tracker.quad)
+        proposal = self.tracker.propose(frame)
+        corners = through(proposal.homography, self.tracker.quad)
         if not (np.isfinite(corners).all() and is_convex(corners)):
             return Answer(self.corners, "held")  # nowhere to go on from
-        self.tracker.place(homography)
+        self.tracker.place(proposal.homography)
         self.corners = corners
-        return Answer(corners, "tracked" if evidence.score >= TRUSTED_SCORE else "held")
+        return Answer(corners, "tracked" if proposal.score >= TRUSTED_SCORE else "held")
 
 
 class Authors:

@@ -1,0 +1,62 @@
+"""What made a result: none is taken for that of other code or weights, and reports say where theirs are from."""
+
+import hashlib
+import os
+import platform
+import subprocess
+from collections.abc import Iterable
+from fnmatch import fnmatch
+from pathlib import Path
+
+import cv2
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]  # the checkout, where there is one
+# Modules of hdn that have no part in tracking.
+NOT_TRACKING = ("analysis*", "importing", "losses", "speed", "synthesis", "training")
+
+
+def digest(files: Iterable[Path]) -> str:
+    """16 hexadecimal digits that change with the names or contents of any of the files."""
+    total = hashlib.sha256()
+    for path in files:
+        total.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()[:16]
+
+
+def tracker_sources() -> list[Path]:
+    """The files of the `hdn` package that may have a part in tracking."""
+    files = sorted(HERE.parent.glob("*.py"))
+    return [path for path in files if not any(fnmatch(path.stem, pattern) for pattern in NOT_TRACKING)]
+
+
+def made_by(weights: Path | None) -> str:
+    """The digest of what makes a track besides the frames: one of ours with its weights, or a peer (None)."""
+    files = [HERE / name for name in ("trackers.py", "sequences.py", "degradation.py")]
+    if weights is None:
+        return f"{digest([*files, HERE.parent / 'homography.py'])}, OpenCV {cv2.__version__}"
+    return digest([*files, *tracker_sources(), weights])
+
+
+def machine() -> str:
+    """The processor's name, how many cores there are, and how busy they are."""
+    name = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        name = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), name)
+    except OSError:
+        pass  # not Linux
+    load = f", load {os.getloadavg()[0]:.1f} by other work" if hasattr(os, "getloadavg") else ""
+    return f"{name}, {os.cpu_count()} cores{load}"
+
+
+def commit() -> str:
+    """The checkout's commit, and whether files differ from it; "unknown" where there is no git or no checkout."""
+    try:
+        head, changes = (
+            subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True, timeout=30).stdout
+            for words in (["rev-parse", "--short", "HEAD"], ["status", "--porcelain", "hdn", "ar_demo", "assets"])
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return head.strip() + (" with changes" if changes.strip() else "")
