@@ -116,24 +116,25 @@ class Refiner:
         # Nothing outside the quad is looked at: what lies there may move on its own.
         return frame.crop(homography @ self.crop_to_template, self.width, self.height).astype(np.float32)
 
-    def align(self, frame: Pyramid, homography: Array, seen: Grey = EVERYWHERE) -> "Alignment":
+    def align(self, frame: Pyramid, homography: Array, seen: Grey = EVERYWHERE, doubt: float = 1.0) -> "Alignment":
         """Finds the pose nearest to a given one (3, 3), template to frame, at which the frame fits the template.
 
         Args:
             seen: (8, 8) 0..1, which cells of the target may be looked at.
+            doubt: how far off the given pose may be, as a multiple of SPREAD.
         """
         coarse, fine = self.levels
-        alignment = self._step(coarse, frame, homography, seen)
+        alignment = self._step(coarse, frame, homography, seen, doubt)
         for _ in range(3):
-            alignment = self._step(fine, frame, alignment.homography, seen)
+            alignment = self._step(fine, frame, alignment.homography, seen, doubt)
             if alignment.moved < SETTLED:
                 break
         return alignment
 
-    def _step(self, level: "_Level", frame: Pyramid, homography: Array, seen: Grey) -> "Alignment":
+    def _step(self, level: "_Level", frame: Pyramid, homography: Array, seen: Grey, doubt: float) -> "Alignment":
         """One alignment at one level."""
         search, agreement = self._compare(level, frame, homography)
-        warp, deviation = level.align(search, self._trust(agreement.correlation) * seen)
+        warp, deviation = level.align(search, self._trust(agreement.correlation) * seen, SPREAD * doubt)
         moved = float(np.abs(transform(warp, self.outline) - self.outline).max())
         moved_crop = homography @ self.crop_to_template @ warp
         with np.errstate(invalid="ignore"):
@@ -201,10 +202,10 @@ class _Level:
         self.values = template[y, x]
         self.cells = y * CELLS // h, x * CELLS // w
 
-    def align(self, search: Grey, trust: Grey, iterations: int = 12) -> tuple[Array, float]:
+    def align(self, search: Grey, trust: Grey, spread: Array, iterations: int = 12) -> tuple[Array, float]:
         """Warp (3, 3), template pixels to pixels of the search crop; and the corners' standard deviation, px of it.
 
-        Args: trust: (8, 8) weights of the target's cells, 0..1.
+        Args: trust: (8, 8) weights of the target's cells, 0..1; spread: (8,) expected moves, as SPREAD.
         """
         trusted = trust[self.cells]
         to_unit = np.array(
@@ -224,7 +225,7 @@ class _Level:
             # What the visible part cannot tell stays near the start: a prior on how far each parameter moves.
             unit = to_unit @ warp @ from_unit
             parameters = (normalised(unit) - np.eye(3)).ravel()[:8]
-            prior = CORRELATED * noise**2 / np.square(SPREAD * self.scale)
+            prior = CORRELATED * noise**2 / np.square(spread * self.scale)
             right = (weighted.T @ error).astype(np.float64) + prior * parameters
             step = np.linalg.solve(hessian + np.diag(prior + 1e-6), right)
             increment = np.array(

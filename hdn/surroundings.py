@@ -14,7 +14,7 @@ NEAR, FAR = 1.08, 2.2  # the ring around the target, as multiples of its quad ab
 
 
 def surrounding_motion(before: Pyramid, after: Pyramid, corners: Array) -> Array | None:
-    """The homography (3, 3), pixels of one grey frame to those of the next, that the target's surroundings follow.
+    """The affine motion (3, 3), pixels of one grey frame to those of the next, that the target's surroundings follow.
 
     Pyramidal Lucas-Kanade (Bouguet, 2001) of points in a ring around the target, checked backward, and MAGSAC++.
 
@@ -22,7 +22,7 @@ def surrounding_motion(before: Pyramid, after: Pyramid, corners: Array) -> Array
         corners: (4, 2) the target in the frame before, px.
 
     Returns:
-        None where too few points agree: nothing is seen there, or it does not move as a plane does.
+        None where too few points agree: nothing is seen there, or it does not move as one.
     """
     level = 0
     while max(before.size) / 2**level > LONGEST:
@@ -39,11 +39,14 @@ def surrounding_motion(before: Pyramid, after: Pyramid, corners: Array) -> Array
     good = (np.linalg.norm(back - points, axis=-1).ravel() < BACKWARD) & (found.ravel() == 1) & (returned.ravel() == 1)
     if good.sum() < MIN_INLIERS:
         return None
-    matrix, inliers = cv2.findHomography(points[good], there[good], cv2.USAC_MAGSAC, TOLERANCE)
-    if matrix is None or inliers.sum() < max(MIN_INLIERS, MIN_SHARE * good.sum()):
+    # From one frame to the next perspective hardly changes; a homography would make much of little noise.
+    affine, inliers = cv2.estimateAffine2D(
+        points[good], there[good], method=cv2.USAC_MAGSAC, ransacReprojThreshold=TOLERANCE
+    )
+    if affine is None or inliers.sum() < max(MIN_INLIERS, MIN_SHARE * good.sum()):
         return None
     to_level = np.array([[1 / factor, 0, 0.5 / factor - 0.5], [0, 1 / factor, 0.5 / factor - 0.5], [0, 0, 1.0]])
-    motion = normalised(np.linalg.inv(to_level) @ matrix @ to_level)
+    motion = normalised(np.linalg.inv(to_level) @ np.vstack([affine, [0.0, 0, 1]]) @ to_level)
     return motion if is_convex(transform(motion, corners)) else None
 
 

@@ -25,6 +25,7 @@ SURE = 0.85  # agreement beyond which no other start is tried
 # How far a target's step may differ from that of its surroundings for it to be taken as fixed among them: mean over the
 # corners, px, or as a share of the step's length.
 ATTACHED_PX, ATTACHED_SHARE = 1.5, 0.15
+SURE_OF_SURROUNDINGS = 0.2  # how far off a pose may be that was carried on by them, as a multiple of the usual
 CARRIED = 1.0  # px by which each step with the surroundings makes the corners less certain
 SCALES = (1.0, 0.6, 1.6)  # of the last pose, at which a lost target is looked for
 UNREFINED = 2.0  # px, deviation of a proposal's corners
@@ -108,7 +109,7 @@ class Tracker:
         self.homography = self.previous = normalised(homography)
         self.missed, self.deviation = 0, 0.0
         self._seen = ()
-        self._attached = False  # to what surrounds the target
+        self._attached: bool | None = None  # to what surrounds the target; None where that is not known
 
     def lose(self) -> None:
         """Counts the target as lost, as after a cut: the next frame is searched as a whole."""
@@ -128,6 +129,8 @@ class Tracker:
         if found:
             self.previous = self.homography if self.missed == 0 else finding.homography
             self.homography, self.deviation, self.missed = finding.homography, finding.deviation, 0
+            if finding.evidence.agreement >= SURE:
+                self._attached = None  # to be looked at anew when next something hides it
         else:
             if is_hint(finding.evidence) and self.missed < HOLD_FRAMES:
                 self.homography, self.deviation = finding.homography, finding.deviation
@@ -143,17 +146,25 @@ class Tracker:
         return Estimate(self.homography, corners, state, confidence, self.deviation, visibility, finding.evidence)
 
     def _carry_on(self, grey: Pyramid) -> None:
-        """Moves the pose of a hidden target with its surroundings, if it did move with them while it was seen."""
-        if self.missed == 0:
-            self._attached = self._moved_with_surroundings()
-        step = None
-        if self._attached and self.missed < HOLD_FRAMES and self._seen:
-            step = surrounding_motion(self._seen[0], grey, transform(self.homography, self.quad))
-        moved = self.homography if step is None else normalised(step @ self.homography)
-        self._attached = step is not None and self._plausible(moved)
-        self.homography = moved if self._attached else self.homography
-        self.deviation = self.deviation + CARRIED if self._attached else np.inf
+        """Moves the pose of a hidden target with its surroundings, if that is what it does."""
+        carried = self._carried(grey) if self.missed < HOLD_FRAMES else None
+        if carried is None:
+            self.deviation = np.inf
+        else:
+            self.homography, self.deviation = carried, self.deviation + CARRIED
         self.previous = self.homography
+
+    def _carried(self, grey: Pyramid) -> Array | None:
+        """The last pose, moved as its surroundings have since; None where they did not move alike while it was seen."""
+        if self._attached is None:
+            self._attached = self._moved_with_surroundings()
+        if not self._attached or not self._seen:
+            return None
+        step = surrounding_motion(self._seen[0], grey, transform(self.homography, self.quad))
+        if step is None:
+            return None
+        carried = normalised(step @ self.homography)
+        return carried if self._plausible(carried) else None
 
     def _moved_with_surroundings(self) -> bool:
         """Whether the target's last step, between the last two frames, was that of what surrounds it."""
@@ -178,8 +189,8 @@ class Tracker:
             best = max(best, self._refine(seen.grey, again.homography, again), key=_agreement)
         if best.evidence.agreement < SURE:
             # Where much is hidden, what the visible part leaves open had better follow the motion so far.
-            for start in (self._predicted(), self.homography):
-                other = self._refine(seen.grey, start, proposal)
+            for start, doubt in self._expected(seen.grey):
+                other = self._refine(seen.grey, start, proposal, doubt)
                 if _agreement(other) > _agreement(best) - 0.02:
                     return other
         return best
@@ -214,10 +225,10 @@ class Tracker:
         ]
         return max(starts, key=lambda start: self.proposer.score(colour, start))
 
-    def _refine(self, grey: Pyramid, start: Array, proposal: Proposal) -> "_Finding":
+    def _refine(self, grey: Pyramid, start: Array, proposal: Proposal, doubt: float = 1.0) -> "_Finding":
         """Photometric alignment from a start, and what it says of it together with a proposal."""
         seen = _cells(proposal.visible)
-        found = self.refiner.align(grey, start, np.clip(4 * seen - 0.6, 0.01, 1))
+        found = self.refiner.align(grey, start, np.clip(4 * seen - 0.6, 0.01, 1), doubt)
         homography, agreement = found.homography, found.agreement
         evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(proposal.visible.mean()))
         if not (np.isfinite(homography).all() and self._plausible(homography)):
@@ -227,9 +238,12 @@ class Tracker:
         visibility = np.where(agreement.textured, agreement.agrees, seen).astype(np.float32) * agreement.in_frame
         return _Finding(homography, evidence, visibility, found.deviation)
 
-    def _predicted(self) -> Array:
-        """The pose that the last frame's motion leads to."""
-        return normalised(self.homography @ np.linalg.inv(self.previous) @ self.homography)
+    def _expected(self, grey: Pyramid) -> list[tuple[Array, float]]:
+        """Poses to be expected without a look at the target, likeliest first, and how far they may be off."""
+        predicted = normalised(self.homography @ np.linalg.inv(self.previous) @ self.homography)
+        poses = [(predicted, 1.0), (self.homography, 1.0)]
+        carried = self._carried(grey)
+        return poses if carried is None else [(carried, SURE_OF_SURROUNDINGS), *poses]
 
     def _plausible(self, homography: Array) -> bool:
         """Whether the pose is one that a camera can see: convex, not mirrored, neither vast nor tiny."""
