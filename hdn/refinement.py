@@ -23,10 +23,10 @@ SURELY = 0.6  # and from which it hardly does so by chance
 ALIGNED = 0.7  # correlation that the best cells reach once the crop is nearly aligned
 EVERYWHERE: Grey = np.ones((CELLS, CELLS), np.float32)
 SETTLED = 0.3  # px of the crop that an alignment moves the corners by, under which the next would not tell more
-# Expected moves of the eight parameters, px at the crop's edge: affine four, translation free, perspective.
-SPREAD = np.array([5.0, 5, 100, 5, 5, 100, 2, 2])
-CORRELATED = 100  # neighbouring pixels share their errors: this many count as one, against these moves
-SHARED = 25  # and in the uncertainty that is told; so the error was below it in 9 of 10 frames of real clips
+# How far off a start may be where nothing better is known: covariance of the eight parameters, px^2 at the crop's edge;
+# affine four, translation free, perspective.
+LOOSE = np.diag(np.square([5.0, 5, 100, 5, 5, 100, 2, 2]))
+CORRELATED = 100  # neighbouring pixels share their errors: this many count as one
 
 
 @dataclass(frozen=True)
@@ -78,13 +78,14 @@ class Alignment:
     Attributes:
         homography: (3, 3) template to frame.
         agreement: how well it fits there, but for the last `moved` px.
-        deviation: standard deviation of the corners, px of the frame: what is seen leaves them open by so much.
+        covariance: (8, 8) of the warp's parameters, px^2 at the edge of the rectified crop: what is seen, and what was
+            expected, leave them open by so much.
         moved: how far the last step moved the corners, px of the rectified crop.
     """
 
     homography: Array
     agreement: Agreement
-    deviation: float
+    covariance: Array
     moved: float
 
 
@@ -116,31 +117,39 @@ class Refiner:
         # Nothing outside the quad is looked at: what lies there may move on its own.
         return frame.crop(homography @ self.crop_to_template, self.width, self.height).astype(np.float32)
 
-    def align(self, frame: Pyramid, homography: Array, seen: Grey = EVERYWHERE, doubt: float = 1.0) -> "Alignment":
-        """Finds the pose nearest to a given one (3, 3), template to frame, at which the frame fits the template.
+    def align(self, frame: Pyramid, start: Array, seen: Grey = EVERYWHERE, covariance: Array = LOOSE) -> Alignment:
+        """Finds the pose at which the frame fits the template, as far as what is expected allows.
 
         Args:
+            start: (3, 3) template to frame, the pose that is expected.
             seen: (8, 8) 0..1, which cells of the target may be looked at.
-            doubt: how far off the given pose may be, as a multiple of SPREAD.
+            covariance: (8, 8) of the expectation, as an alignment tells it.
         """
         coarse, fine = self.levels
-        alignment = self._step(coarse, frame, homography, seen, doubt)
+        alignment = self._step(coarse, frame, start, start, seen, covariance)
         for _ in range(3):
-            alignment = self._step(fine, frame, alignment.homography, seen, doubt)
+            alignment = self._step(fine, frame, alignment.homography, start, seen, covariance)
             if alignment.moved < SETTLED:
                 break
         return alignment
 
-    def _step(self, level: "_Level", frame: Pyramid, homography: Array, seen: Grey, doubt: float) -> "Alignment":
-        """One alignment at one level."""
+    def deviation(self, homography: Array, covariance: Array) -> float:
+        """Standard deviation of the corners, px of the frame: the root of its mean square over them."""
+        spread = np.einsum("cij,jk,cik->", self.levels[-1].corners, covariance, self.levels[-1].corners) / 4
+        size = area(transform(homography @ self.crop_to_template, self.outline)) / (self.width * self.height)
+        return float(np.sqrt(spread * abs(size)))
+
+    def _step(
+        self, level: "_Level", frame: Pyramid, homography: Array, expected: Array, seen: Grey, covariance: Array
+    ) -> Alignment:
+        """One alignment at one level, from a pose that the steps before led to."""
         search, agreement = self._compare(level, frame, homography)
-        warp, deviation = level.align(search, self._trust(agreement.correlation) * seen, SPREAD * doubt)
+        to_crop, from_crop = self.crop_to_template, np.linalg.inv(self.crop_to_template)
+        expected_warp = from_crop @ np.linalg.inv(homography) @ expected @ to_crop
+        trust = self._trust(agreement.correlation) * seen
+        warp, posterior = level.align(search, trust, expected_warp, covariance)
         moved = float(np.abs(transform(warp, self.outline) - self.outline).max())
-        moved_crop = homography @ self.crop_to_template @ warp
-        with np.errstate(invalid="ignore"):
-            size = np.sqrt(np.abs(area(transform(moved_crop, self.outline)) / (self.width * self.height)))
-        found = normalised(moved_crop @ np.linalg.inv(self.crop_to_template))
-        return Alignment(found, agreement, float(deviation * size), moved)
+        return Alignment(normalised(homography @ to_crop @ warp @ from_crop), agreement, posterior, moved)
 
     def _compare(self, level: "_Level", frame: Pyramid, homography: Array) -> tuple[Grey, Agreement]:
         search = _normalise(cv2.GaussianBlur(self._crop(frame, homography), (0, 0), level.blur), self.sigma)
@@ -187,6 +196,9 @@ class _Level:
         # Centred, scaled coordinates keep the normal equations well-conditioned.
         self.scale = 2.0 / max(w, h)
         self.centre = np.array([(w - 1) / 2, (h - 1) / 2])
+        left, top = -self.scale * self.centre
+        self.to_unit = np.array([[self.scale, 0, left], [0, self.scale, top], [0, 0, 1.0]])
+        self.from_unit = np.linalg.inv(self.to_unit)
         u, v = ((self.points - self.centre) * self.scale).T
         dx, dy = gx[y, x].astype(np.float64), gy[y, x].astype(np.float64)
         radial = u * dx + v * dy
@@ -202,40 +214,44 @@ class _Level:
         self.values = template[y, x]
         self.cells = y * CELLS // h, x * CELLS // w
 
-    def align(self, search: Grey, trust: Grey, spread: Array, iterations: int = 12) -> tuple[Array, float]:
-        """Warp (3, 3), template pixels to pixels of the search crop; and the corners' standard deviation, px of it.
+    def align(
+        self, search: Grey, trust: Grey, expected: Array, covariance: Array, iterations: int = 12
+    ) -> tuple[Array, Array]:
+        """Warp (3, 3), template pixels to pixels of the search crop, and its covariance (8, 8), px^2 at the edge.
 
-        Args: trust: (8, 8) weights of the target's cells, 0..1; spread: (8,) expected moves, as SPREAD.
+        Args:
+            trust: (8, 8) weights of the target's cells, 0..1.
+            expected: (3, 3) the warp that is likeliest without a look; covariance: (8, 8) how surely.
         """
         trusted = trust[self.cells]
-        to_unit = np.array(
-            [[self.scale, 0, -self.scale * self.centre[0]], [0, self.scale, -self.scale * self.centre[1]], [0, 0, 1.0]]
-        )
-        from_unit = np.linalg.inv(to_unit)
+        counts = trusted > 0.5 * trusted.max()
+        information = np.linalg.inv(covariance) / self.scale**2
+        mean = self._parameters(expected)
         warp = np.eye(3)
         for _ in range(iterations):
             at = transform(warp, self.points).astype(np.float32)
             inside = ((at >= 0) & (at <= [search.shape[1] - 1, search.shape[0] - 1])).all(1)
             seen = cv2.remap(search, at[:, None, 0], at[:, None, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             error = seen[:, 0] - self.values
-            noise = max(1.4826 * float(np.median(np.abs(error))), 0.05)
+            noise = max(1.4826 * float(np.median(np.abs(error[counts]))), 0.05)
             weight = _tukey(error / noise) * trusted * inside
             weighted = self.jacobian * weight[:, None]
-            hessian = (weighted.T @ self.jacobian).astype(np.float64)
-            # What the visible part cannot tell stays near the start: a prior on how far each parameter moves.
-            unit = to_unit @ warp @ from_unit
-            parameters = (normalised(unit) - np.eye(3)).ravel()[:8]
-            prior = CORRELATED * noise**2 / np.square(spread * self.scale)
-            right = (weighted.T @ error).astype(np.float64) + prior * parameters
-            step = np.linalg.solve(hessian + np.diag(prior + 1e-6), right)
+            # What the visible part cannot tell stays near what is expected.
+            prior = CORRELATED * noise**2 * information
+            hessian = (weighted.T @ self.jacobian).astype(np.float64) + prior
+            right = (weighted.T @ error).astype(np.float64) + prior @ (self._parameters(warp) - mean)
+            step = np.linalg.solve(hessian, right)
             increment = np.array(
                 [[1 + step[0], step[1], step[2]], [step[3], 1 + step[4], step[5]], [step[6], step[7], 1.0]]
             )
-            warp = normalised(warp @ from_unit @ np.linalg.inv(increment) @ to_unit)
+            warp = normalised(warp @ self.from_unit @ np.linalg.inv(increment) @ self.to_unit)
             if np.abs(step[[2, 5]]).max() / self.scale < 0.01 and np.abs(step).max() / self.scale < 0.02:
                 break
-        covariance = SHARED * noise**2 * np.linalg.inv(hessian + np.diag(prior + 1e-6)) / self.scale**2
-        return warp, float(np.sqrt(np.einsum("cij,jk,cik->", self.corners, covariance, self.corners) / 4))
+        return warp, CORRELATED * noise**2 * np.linalg.inv(hessian) / self.scale**2
+
+    def _parameters(self, warp: Array) -> Array:
+        """The eight parameters of a warp (3, 3), in centred and scaled coordinates: the difference to the identity."""
+        return (normalised(self.to_unit @ warp @ self.from_unit) - np.eye(3)).ravel()[:8]
 
 
 def _tukey(error: Grey) -> Grey:

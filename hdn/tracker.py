@@ -15,7 +15,7 @@ from .homography import Array, area, is_convex, normalised, similarity, transfor
 from .observation import Observation
 from .proposal import Proposal, Proposer, Stage
 from .redetection import Redetector
-from .refinement import CELLS, Refiner
+from .refinement import CELLS, LOOSE, Refiner
 from .sampling import Image, Pyramid
 from .surroundings import surrounding_motion
 
@@ -25,10 +25,9 @@ SURE = 0.85  # agreement beyond which no other start is tried
 # How far a target's step may differ from that of its surroundings for it to be taken as fixed among them: mean over the
 # corners, px, or as a share of the step's length.
 ATTACHED_PX, ATTACHED_SHARE = 1.5, 0.15
-SURE_OF_SURROUNDINGS = 0.2  # how far off a pose may be that was carried on by them, as a multiple of the usual
-CARRIED = 1.0  # px by which each step with the surroundings makes the corners less certain
+# Covariance that a step with the surroundings adds: 0.3 px at the crop's edge, half of it for perspective.
+CARRIED = np.diag(np.square([0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15, 0.15]))
 SCALES = (1.0, 0.6, 1.6)  # of the last pose, at which a lost target is looked for
-UNREFINED = 2.0  # px, deviation of a proposal's corners
 MOST_WINDOWS = 16  # looked at in one frame
 MIN_SIDE = 16  # px: a smaller target shows too little to track
 HOLD_FRAMES = 20  # frames without a fix after which a held target counts as lost
@@ -107,7 +106,7 @@ class Tracker:
     def place(self, homography: Array) -> None:
         """Goes on from a known pose: (3, 3), reference-frame pixels to those of the frame before the next."""
         self.homography = self.previous = normalised(homography)
-        self.missed, self.deviation = 0, 0.0
+        self.missed, self.covariance = 0, CARRIED
         self._seen = ()
         self._attached: bool | None = None  # to what surrounds the target; None where that is not known
 
@@ -125,15 +124,15 @@ class Tracker:
         finding = self._locate(seen)
         if not is_fix(finding.evidence) and self.missed >= 2:
             finding = max(finding, self._search(seen), key=_strength)
-        found = is_fix(finding.evidence)
+        found, self._is_measured = is_fix(finding.evidence), True
         if found:
             self.previous = self.homography if self.missed == 0 else finding.homography
-            self.homography, self.deviation, self.missed = finding.homography, finding.deviation, 0
+            self.homography, self.covariance, self.missed = finding.homography, finding.covariance, 0
             if finding.evidence.agreement >= SURE:
                 self._attached = None  # to be looked at anew when next something hides it
         else:
             if is_hint(finding.evidence) and self.missed < HOLD_FRAMES:
-                self.homography, self.deviation = finding.homography, finding.deviation
+                self.homography, self.covariance = finding.homography, finding.covariance
                 self.previous = self.homography
             else:
                 self._carry_on(seen.grey)
@@ -143,15 +142,15 @@ class Tracker:
         confidence = finding.evidence.agreement * (1.0 if found else 0.5)
         corners = transform(self.homography, self.quad)
         visibility = finding.visibility * found
-        return Estimate(self.homography, corners, state, confidence, self.deviation, visibility, finding.evidence)
+        deviation = self.refiner.deviation(self.homography, self.covariance) if self._is_measured else np.inf
+        return Estimate(self.homography, corners, state, confidence, deviation, visibility, finding.evidence)
 
     def _carry_on(self, grey: Pyramid) -> None:
         """Moves the pose of a hidden target with its surroundings, if that is what it does."""
         carried = self._carried(grey) if self.missed < HOLD_FRAMES else None
-        if carried is None:
-            self.deviation = np.inf
-        else:
-            self.homography, self.deviation = carried, self.deviation + CARRIED
+        self._is_measured = carried is not None
+        if carried is not None:
+            self.homography, self.covariance = carried, self.covariance + CARRIED
         self.previous = self.homography
 
     def _carried(self, grey: Pyramid) -> Array | None:
@@ -189,8 +188,8 @@ class Tracker:
             best = max(best, self._refine(seen.grey, again.homography, again), key=_agreement)
         if best.evidence.agreement < SURE:
             # Where much is hidden, what the visible part leaves open had better follow the motion so far.
-            for start, doubt in self._expected(seen.grey):
-                other = self._refine(seen.grey, start, proposal, doubt)
+            for start, covariance in self._expected(seen.grey):
+                other = self._refine(seen.grey, start, proposal, covariance)
                 if _agreement(other) > _agreement(best) - 0.02:
                     return other
         return best
@@ -225,10 +224,10 @@ class Tracker:
         ]
         return max(starts, key=lambda start: self.proposer.score(colour, start))
 
-    def _refine(self, grey: Pyramid, start: Array, proposal: Proposal, doubt: float = 1.0) -> "_Finding":
+    def _refine(self, grey: Pyramid, start: Array, proposal: Proposal, covariance: Array = LOOSE) -> "_Finding":
         """Photometric alignment from a start, and what it says of it together with a proposal."""
         seen = _cells(proposal.visible)
-        found = self.refiner.align(grey, start, np.clip(4 * seen - 0.6, 0.01, 1), doubt)
+        found = self.refiner.align(grey, start, np.clip(4 * seen - 0.6, 0.01, 1), covariance)
         homography, agreement = found.homography, found.agreement
         evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(proposal.visible.mean()))
         if not (np.isfinite(homography).all() and self._plausible(homography)):
@@ -236,14 +235,14 @@ class Tracker:
         evidence = replace(evidence, agreement=agreement.share, cohesion=agreement.cohesion)
         # Where there is no texture to compare, the network's word for it.
         visibility = np.where(agreement.textured, agreement.agrees, seen).astype(np.float32) * agreement.in_frame
-        return _Finding(homography, evidence, visibility, found.deviation)
+        return _Finding(homography, evidence, visibility, found.covariance)
 
-    def _expected(self, grey: Pyramid) -> list[tuple[Array, float]]:
-        """Poses to be expected without a look at the target, likeliest first, and how far they may be off."""
+    def _expected(self, grey: Pyramid) -> list[tuple[Array, Array]]:
+        """Poses to be expected without a look at the target, likeliest first, and their covariances (8, 8)."""
         predicted = normalised(self.homography @ np.linalg.inv(self.previous) @ self.homography)
-        poses = [(predicted, 1.0), (self.homography, 1.0)]
+        poses = [(predicted, LOOSE), (self.homography, LOOSE)]
         carried = self._carried(grey)
-        return poses if carried is None else [(carried, SURE_OF_SURROUNDINGS), *poses]
+        return poses if carried is None else [(carried, self.covariance + CARRIED), *poses]
 
     def _plausible(self, homography: Array) -> bool:
         """Whether the pose is one that a camera can see: convex, not mirrored, neither vast nor tiny."""
@@ -254,12 +253,12 @@ class Tracker:
 
 
 class _Finding(NamedTuple):
-    """A pose (3, 3), what speaks for it, which cells (8, 8) are seen, 0..1, and how uncertain the corners are, px."""
+    """A pose (3, 3), what speaks for it, which cells (8, 8) are seen, 0..1, and its covariance (8, 8)."""
 
     homography: Array
     evidence: Evidence
     visibility: Floats
-    deviation: float = np.inf
+    covariance: Array = LOOSE
 
 
 def _agreement(finding: _Finding) -> float:
@@ -275,7 +274,7 @@ def _unrefined(proposal: Proposal) -> _Finding:
     visible = float(proposal.visible.mean())
     found = min(proposal.score, proposal.polar_score) >= TRUSTED_SCORE and visible >= SEEN
     evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, visible, float(found))
-    return _Finding(proposal.homography, evidence, _cells(proposal.visible), UNREFINED)
+    return _Finding(proposal.homography, evidence, _cells(proposal.visible))
 
 
 def _cells(visible: Floats) -> Floats:

@@ -45,9 +45,9 @@ def test_an_occluder_does_not_pull(scene: Scene) -> None:
 def test_what_is_hidden_makes_the_corners_uncertain(scene: Scene) -> None:
     refiner = Refiner(grey(scene.draw(scene.quad)), scene.quad)
     frame = scene.draw(scene.quad)
-    clear = refiner.align(grey(frame), np.eye(3)).deviation
+    clear = refiner.deviation(np.eye(3), refiner.align(grey(frame), np.eye(3)).covariance)
     frame[60:175, 95:165] = 20
-    hidden = refiner.align(grey(frame), np.eye(3)).deviation
+    hidden = refiner.deviation(np.eye(3), refiner.align(grey(frame), np.eye(3)).covariance)
     assert clear < 0.5
     assert hidden > 2 * clear
 
