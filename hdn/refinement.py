@@ -26,7 +26,7 @@ SETTLED = 0.3  # px of the crop that an alignment moves the corners by, under wh
 # How far off a start may be where nothing better is known: covariance of the eight parameters, px^2 at the crop's edge;
 # affine four, translation free, perspective.
 LOOSE = np.diag(np.square([5.0, 5, 100, 5, 5, 100, 2, 2]))
-CORRELATED = 100  # neighbouring pixels share their errors: this many count as one
+CORRELATED = 50  # neighbouring pixels share their errors: this many count as one
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from .homography import Array, is_convex, normalised, transform
 from .sampling import Pyramid
 
 LONGEST = 640  # px of the frame that points are followed in
-POINTS, MIN_INLIERS, MIN_SHARE = 200, 20, 0.5  # points followed; those that must agree, and their share
+POINTS, MIN_INLIERS, MIN_SHARE = 300, 20, 0.4  # points followed; those that must agree, and their share
 BACKWARD = 1.0  # px of that frame, that a point followed forth and back may be off
 TOLERANCE = 1.5
-NEAR, FAR = 1.08, 2.2  # the ring around the target, as multiples of its quad about its centre
+NEAR, FAR = 1.08, 3.5  # the ring around the target, as multiples of its quad about its centre
 
 
 def surrounding_motion(before: Pyramid, after: Pyramid, corners: Array) -> Array | None:
