@@ -8,8 +8,8 @@ import torch
 
 from hdn.config import COMPACT, PAPER
 from hdn.engine import Engine, _decode
-from hdn.polar import polar_crop, polar_points
 from hdn.homography import dlt, square
+from hdn.polar import polar_crop, polar_points
 from hdn.residual import ResidualNetwork, geometry, standardise
 from hdn.synthesis import project
 from hdn.weights import Hdn
