@@ -65,12 +65,17 @@ def polar_classification_loss(logits: Tensor, labels: Tensor) -> Tensor:
     return torch.stack([part.mean() for part in parts if len(part)]).mean()
 
 
-def offset_loss(offsets: Tensor, points: Tensor, truth: Tensor, where: Tensor, stride: int) -> Tensor:
-    """L_reg: smooth l1 of offsets (B, 2, n, n), in cells, to (grid point - truth) where the mask (B, n, n) is set."""
+def offset_loss(
+    offsets: Tensor, points: Tensor, truth: Tensor, where: Tensor, stride: int, beta: float = 0.2
+) -> Tensor:
+    """L_reg: smooth l1 of offsets (B, 2, n, n), in cells, to (grid point - truth) where the mask (B, n, n) is set.
+
+    Args: beta: cells of error beyond which it is linear.
+    """
     if not where.any():
         return offsets.sum() * 0
     label = (points[None] - truth[:, None, None]) / stride  # (B, n, n, 2)
-    return F.smooth_l1_loss(offsets.permute(0, 2, 3, 1)[where], label[where], beta=0.2)
+    return F.smooth_l1_loss(offsets.permute(0, 2, 3, 1)[where], label[where], beta=beta)
 
 
 def corner_loss(offsets: Tensor, truth: Tensor) -> Tensor:
@@ -81,6 +86,20 @@ def corner_loss(offsets: Tensor, truth: Tensor) -> Tensor:
 def negative_loss(offsets: Tensor) -> Tensor:
     """L_Lambda-: smooth l1 that pulls the offsets (B, 4, 2) of pairs of different objects to zero."""
     return F.smooth_l1_loss(offsets, torch.zeros_like(offsets)) if len(offsets) else offsets.sum() * 0
+
+
+def warp(crops: Tensor, matrix: Tensor) -> Tensor:
+    """W(T, H), a spatial transformer: crops (B, C, n, n) seen through homographies (B, 3, 3), differentiable in both.
+
+    The homographies map pixels of the result to those of the crops, both relative to the crop's centre; beyond the
+    crop goes on what is at its edge.
+    """
+    b, _, n, _ = crops.shape
+    r = torch.arange(n, dtype=crops.dtype, device=crops.device) - (n - 1) / 2
+    y, x = torch.meshgrid(r, r, indexing="ij")
+    points = torch.stack([x, y, torch.ones_like(x)], -1).reshape(1, -1, 3) @ matrix.transpose(1, 2)
+    grid = (points[..., :2] / points[..., 2:].clamp_min(1e-3) * (2 / n)).reshape(b, n, n, 2)
+    return F.grid_sample(crops, grid, padding_mode="border", align_corners=False)
 
 
 def triplet_loss(search: Tensor, warped: Tensor, template: Tensor, margin: float = 1.0) -> Tensor:

@@ -6,7 +6,8 @@ blur, noise, occluders and frame borders of its own. Everything is a tensor; not
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import cv2
@@ -15,24 +16,48 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from .errors import InputError
 from .homography import dlt
+from .jpeg import compress
+from .sampling import Image
 
 SIDE = 304  # images are kept as squares of this side; their aspect does not matter to a texture
+
+
+def read_photo(path: Path) -> Tensor:
+    """An image file as uint8 RGB (3, SIDE, SIDE).
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR_RGB)
+    if image is None:
+        raise InputError(f"{path} is not an image that can be read: remove it from the training folders")
+    return squared(np.asarray(image, np.uint8))
+
+
+def squared(image: Image) -> Tensor:
+    """An RGB image (H, W, 3) as uint8 (3, SIDE, SIDE)."""
+    shrinks = min(image.shape[:2]) > SIDE
+    image = cv2.resize(image, (SIDE, SIDE), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
+    return torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))
 
 
 class Photos:
     """Images held in memory as one uint8 tensor (N, 3, SIDE, SIDE)."""
 
-    def __init__(self, paths: Sequence[Path], device: torch.device | str = "cpu") -> None:
-        pixels = np.empty((len(paths), SIDE, SIDE, 3), np.uint8)
-        for i, path in enumerate(paths):
-            image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-            if image is None:
-                raise ValueError(f"{path} is not an image that can be read: remove it from the training folders")
-            shrinks = min(image.shape[:2]) > SIDE
-            pixels[i] = cv2.resize(image, (SIDE, SIDE), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
-        self.pixels = torch.from_numpy(pixels[..., ::-1].copy()).permute(0, 3, 1, 2).contiguous().to(device)
+    def __init__(self, pixels: Tensor, device: torch.device | str = "cpu") -> None:
+        self.pixels = pixels.to(device)
         self.device = self.pixels.device
+
+    @classmethod
+    def read(cls, paths: Sequence[Path], device: torch.device | str = "cpu") -> "Photos":
+        """Photos from image files; raises InputError for one that cannot be read."""
+        pixels = torch.empty((len(paths), 3, SIDE, SIDE), dtype=torch.uint8)
+        with ThreadPoolExecutor() as readers:
+            for i, image in enumerate(readers.map(read_photo, paths)):
+                pixels[i] = image
+        return cls(pixels, device)
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -132,6 +157,13 @@ def textured(photos: Photos, index: Tensor, size: int, low: float, high: float) 
     return torch.where((texture[0] > texture[1])[:, None, None], views[0], views[1])
 
 
+def rectified(photos: Photos, index: Tensor, size: int) -> Tensor:
+    """Views (B, 3, 3) of photographs for square crops of targets that are not square."""
+    stretch = (uniform(len(index), -0.5, 0.5, photos.device)).exp()
+    stretch = torch.diag_embed(torch.stack([stretch, 1 / stretch, torch.ones_like(stretch)], 1))
+    return textured(photos, index, size, 0.5, 1.8) @ stretch
+
+
 def inside(quad: Tensor, points: Tensor, size: int) -> Tensor:
     """Masks (B, 1, size, size), soft over a pixel, of the points (B, size*size, 2) in convex clockwise quads."""
     edge = quad.roll(-1, 1) - quad
@@ -229,13 +261,13 @@ def coarsen(crops: Tensor, share: float) -> Tensor:
     return crops
 
 
-def relight(crops: Tensor, strength: float = 1.0) -> Tensor:
-    """Gain, bias, gamma, colour cast, a ramp of light, darkness and sensor noise on crops (B, 3, n, n) in 0..1."""
+def relight(crops: Tensor, strength: float = 1.0, darkened: float = 0.1) -> Tensor:
+    """Gain, bias, gamma, colour cast, a ramp of light, sensor noise, and darkness of some: crops (B, 3, n, n), 0..1."""
     device, (b, _, size, _) = crops.device, crops.shape
     curve = uniform((b, 1, 1, 1), -0.5, 0.5, device) * strength  # as a gamma bends the tones, but cheap
     gain = (uniform((b, 1, 1, 1), -0.4, 0.4, device) * strength).exp()
     cast = (uniform((b, 3, 1, 1), -0.12, 0.12, device) * strength).exp()
-    is_dark = torch.rand(b, 1, 1, 1, device=device) < 0.1 * strength
+    is_dark = torch.rand(b, 1, 1, 1, device=device) < darkened * strength
     dark = torch.where(is_dark, uniform((b, 1, 1, 1), 0.15, 0.5, device), 1.0)
     bias = uniform((b, 1, 1, 1), -0.1, 0.1, device) * strength * dark
     angle = uniform((b, 1), 0, 2 * np.pi, device)
@@ -246,6 +278,41 @@ def relight(crops: Tensor, strength: float = 1.0) -> Tensor:
     x = torch.addcmul(crops, crops, (1 - crops).mul_(curve)).mul_(ramp.reshape(b, 1, size, size))
     x = x.mul_(gain * cast * dark).add_(bias)
     return x.add_(torch.randn_like(x).mul_(sigma)).clamp_(0, 1)
+
+
+def code(crops: Tensor, share: float) -> Tensor:
+    """A share of crops (B, 3, n, n) in 0..1 as lossy compression of qualities 20 to 80 leaves them."""
+    device = crops.device
+    rows = (torch.rand(len(crops), device=device) < share).nonzero()[:, 0]
+    if not len(rows):
+        return crops
+    left, top = (int(v) for v in torch.randint(8, (2,)))
+    crops = crops.clone()
+    crops[rows] = compress(crops[rows], uniform(len(rows), 20, 80, device), (left, top))
+    return crops
+
+
+@dataclass(frozen=True)
+class Look:
+    """What happens to the search crops' look besides light and noise, each in a share of them; templates get less."""
+
+    blurred: float = 0.25
+    coarse: float = 0.2
+    darkened: float = 0.1
+    compressed: float = 0.0
+
+    def search(self, crops: Tensor) -> Tensor:
+        """Search crops (B, 3, n, n), 0..1, as a camera shows them."""
+        crops = relight(coarsen(blur(crops, self.blurred, 15), self.coarse), 1.0, self.darkened)
+        return code(crops, self.compressed)
+
+    def template(self, crops: Tensor) -> Tensor:
+        """Template crops (B, 3, n, n), 0..1: chosen by somebody, and so better to see."""
+        crops = relight(coarsen(blur(crops, self.blurred / 5, 7), self.coarse / 2), 0.6, self.darkened)
+        return code(crops, self.compressed)
+
+
+USUAL = Look()
 
 
 @dataclass
@@ -260,7 +327,7 @@ class SimilarityBatch:
 def similarity_batch(
     photos: Photos, batch: int, template_size: int, search_size: int, context: float, negatives: float = 0.2,
     occluded: float = 0.3,
-    gentle: float = 0.5,
+    gentle: float = 0.5, look: Look = USUAL,
 ) -> SimilarityBatch:  # fmt: skip
     """Template and search crops for the similarity component."""
     device = photos.device
@@ -299,8 +366,7 @@ def similarity_batch(
     search = torch.where(positive[:, None, None, None], search, search.roll(1, 0))
     search, _ = occlude(photos, search, occluded, motion.shift, template_size / 2)
     search, _ = cut_by_border(search, 0.1 if occluded else 0.0)
-    search = relight(coarsen(blur(search, 0.25, 15), 0.2))
-    template = relight(coarsen(blur(template, 0.05, 7), 0.1), 0.6)
+    template, search = look.template(template), look.search(search)
     return SimilarityBatch(template * 255, search * 255, half, motion, positive)
 
 
@@ -311,18 +377,22 @@ class ResidualBatch:
     offsets: Tensor  # (B, 4, 2) px: where the target's corners lie in the search crop, less the crop's corners
     positive: Tensor  # (B,) bool
     clear: Tensor  # (B, 1, n, n) 0..1: where nothing hides what the search crop would show
+    labelled: Tensor  # (B,) bool: the offsets are known
+
+    def __add__(self, other: "ResidualBatch") -> "ResidualBatch":
+        """Both batches' samples in one."""
+        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+        return ResidualBatch(*(torch.cat(pair) for pair in pairs))
 
 
 def residual_batch(
     photos: Photos, batch: int, size: int, reach: float, negatives: float = 0.2, occluded: float = 0.3,
-    gentle: float = 0.5,
+    gentle: float = 0.5, look: Look = USUAL,
 ) -> ResidualBatch:  # fmt: skip
     """Rectified template and search crops for the residual component, corners off by up to `reach` px."""
     device = photos.device
     index = random_photos(photos, batch)
-    stretch = (uniform(batch, -0.5, 0.5, device)).exp()  # the target's own aspect, lost by rectification
-    stretch = torch.diag_embed(torch.stack([stretch, 1 / stretch, torch.ones_like(stretch)], 1))
-    template_to_image = textured(photos, index, size, 0.5, 1.8) @ stretch
+    template_to_image = rectified(photos, index, size)
     spread = torch.where(torch.rand(batch, 1, 1, device=device) < gentle, 0.35, 1.0) * reach
     # Half of the displacement is common to the corners, as a translation left over by the similarity is.
     common = uniform((batch, 1, 2), -1, 1, device) * 0.5
@@ -344,7 +414,22 @@ def residual_batch(
     search = torch.where(positive[:, None, None, None], search, search.roll(1, 0))
     search, hidden = occlude(photos, search, occluded, offsets.mean(1), size)
     search, beyond = cut_by_border(search, 0.1 if occluded else 0.0)
-    search = relight(coarsen(blur(search, 0.25, 15), 0.2))
-    template = relight(coarsen(blur(template, 0.05, 7), 0.1), 0.6)
+    template, search = look.template(template), look.search(search)
     offsets = torch.where(positive[:, None, None], offsets, 0.0)
-    return ResidualBatch(template * 255, search * 255, offsets, positive, (1 - hidden) * (1 - beyond))
+    clear = (1 - hidden) * (1 - beyond)
+    return ResidualBatch(template * 255, search * 255, offsets, positive, clear, torch.ones_like(positive))
+
+
+def unlabelled_batch(clips: Photos, index: Tensor, later: Tensor, size: int) -> ResidualBatch:
+    """Crops of one random quad in two frames of a clip each, index and later (B,): how it moved is not known.
+
+    The frames are as the camera took them: what no augmentation can invent is what they are here for.
+    """
+    device, batch = clips.device, len(index)
+    corners = torch.tensor([[-1.0, -1], [1, -1], [1, 1], [-1, 1]], device=device) * size / 2
+    tilt = dlt(uniform((batch, 4, 2), -0.1, 0.1, device) * size, corners)
+    crop_to_image = rectified(clips, index, size) @ tilt
+    template, search = (clips.sample(frames, crop_to_image, size) * 255 for frames in (index, later))
+    unknown = torch.zeros(batch, dtype=torch.bool, device=device)
+    offsets = torch.zeros((batch, 4, 2), device=device)
+    return ResidualBatch(template, search, offsets, ~unknown, torch.ones_like(template[:, :1]), unknown)

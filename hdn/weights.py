@@ -40,23 +40,6 @@ def save(network: Hdn, path: Path, notes: dict[str, str]) -> None:
     save_file(tensors, path, {"config": network.config.name, **notes})
 
 
-def pack(folder: Path, path: Path) -> None:
-    """Brings the checkpoints of both components, as `hdn-train` leaves them in a folder, into one weights file.
-
-    Raises:
-        InputError: a checkpoint is missing.
-    """
-    network, notes = Hdn(), {}
-    for component in ("similarity", "residual"):
-        checkpoint = folder / f"{component}.pt"
-        if not checkpoint.is_file():
-            raise InputError(f"{checkpoint} is missing: run hdn-train {component} --out {folder} first")
-        state = torch.load(checkpoint, map_location="cpu", weights_only=True)
-        getattr(network, component).load_state_dict(state["network"])
-        notes[component] = f"{state['step']} steps, seed {state['seed']}"
-    save(network, path, notes)
-
-
 def load(path: Path) -> Hdn:
     """Reads weights; the networks come in evaluation mode, single precision.
 

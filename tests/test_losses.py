@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from hdn import losses
+from hdn.homography import dlt
 
 
 def test_grid_points_are_the_shifts_that_cells_stand_for() -> None:
@@ -96,3 +97,61 @@ def test_peak_loss_counts_positives_only() -> None:
     assert float(losses.peak_loss(score, target, torch.tensor([True, True]))) == pytest.approx(
         (math.log(2) + math.log(9)) / 2
     )
+
+
+CORNERS = torch.tensor([[-8.0, -8], [8, -8], [8, 8], [-8, 8]], dtype=torch.float64)
+
+
+def picture(seed: int, channels: int = 1) -> torch.Tensor:
+    """Smooth random maps (1, C, 16, 16), double precision."""
+    coarse = torch.rand(1, channels, 5, 5, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    return torch.nn.functional.interpolate(coarse, (16, 16), mode="bicubic", align_corners=False) * 4
+
+
+def test_the_warp_shows_what_the_homography_says() -> None:
+    crops = picture(0, 2)
+    shift = torch.eye(3, dtype=torch.float64)[None].clone()
+    torch.testing.assert_close(losses.warp(crops, shift), crops)
+    shift[0, 0, 2] = 3  # each pixel shows what is 3 px to its right
+    moved = losses.warp(crops, shift)
+    torch.testing.assert_close(moved[..., :-3], crops[..., 3:])
+    torch.testing.assert_close(moved[..., -3:], crops[..., -1:].expand(-1, -1, -1, 3))  # the edge goes on
+
+
+def test_gradients_of_the_triplet_loss_flow_through_dlt_and_warp() -> None:
+    template, search = picture(1), picture(2)
+    offsets = torch.tensor([[[0.7, -0.4], [-0.3, 0.9], [0.5, 0.6], [-0.8, 0.2]]], dtype=torch.float64)
+
+    def loss(offsets: torch.Tensor, template: torch.Tensor) -> torch.Tensor:
+        to_template = torch.linalg.inv(dlt(offsets, CORNERS))
+        return losses.triplet_loss(search, losses.warp(template, to_template), template, margin=9.0)
+
+    assert torch.autograd.gradcheck(loss, (offsets.requires_grad_(), template.requires_grad_()))
+
+
+def test_gradients_of_the_corner_loss_flow_through_dlt() -> None:
+    offsets = torch.tensor([[[0.7, -0.4], [-0.3, 0.9], [0.5, 0.6], [-0.8, 0.2]]], dtype=torch.float64)
+    truth = torch.zeros(1, 4, 2, dtype=torch.float64)
+
+    def loss(offsets: torch.Tensor) -> torch.Tensor:
+        matrix = torch.linalg.inv(dlt(offsets, CORNERS))  # as corners of the other crop: there and back
+        back = torch.nn.functional.pad(CORNERS, (0, 1), value=1.0) @ matrix.transpose(1, 2)
+        return losses.corner_loss(back[..., :2] / back[..., 2:] - CORNERS, truth)
+
+    assert torch.autograd.gradcheck(loss, (offsets.requires_grad_(),))
+
+
+def test_the_triplet_loss_leads_to_the_true_motion() -> None:
+    """What is unsupervised about it: corners are found from the pictures alone."""
+    torch.manual_seed(0)
+    template = picture(3)
+    truth = torch.tensor([[[1.0, 0.5], [0.6, -0.8], [-0.7, 0.4], [0.5, 0.9]]], dtype=torch.float64)
+    search = losses.warp(template, torch.linalg.inv(dlt(truth, CORNERS)))
+    offsets = torch.zeros_like(truth).requires_grad_()
+    optimizer = torch.optim.Adam([offsets], 0.05)
+    for _ in range(120):
+        optimizer.zero_grad()
+        warped = losses.warp(template, torch.linalg.inv(dlt(offsets, CORNERS)))
+        losses.triplet_loss(search, warped, template).backward()
+        optimizer.step()
+    assert float((offsets - truth).detach().abs().mean()) < 0.3

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from hdn import synthesis
+from hdn.errors import InputError
 from hdn.homography import dlt, square
 from hdn.synthesis import Photos, pixel_grid, project, residual_batch, similarity_batch
 
@@ -19,7 +20,7 @@ def photos(tmp_path_factory: pytest.TempPathFactory) -> Photos:
     folder = tmp_path_factory.mktemp("photos")
     for seed in range(4):
         cv2.imwrite(str(folder / f"{seed}.png"), texture(seed, 300, 220))
-    return Photos(sorted(folder.iterdir()))
+    return Photos.read(sorted(folder.iterdir()))
 
 
 @pytest.fixture(autouse=True)
@@ -77,8 +78,8 @@ def test_what_hides_the_target_is_known(photos: Photos) -> None:
 
 def test_unreadable_images_are_named(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(b"not a picture")
-    with pytest.raises(ValueError, match=r"a\.png"):
-        Photos([tmp_path / "a.png"])
+    with pytest.raises(InputError, match=r"a\.png"):
+        Photos.read([tmp_path / "a.png"])
 
 
 def test_masks_are_soft_over_a_pixel() -> None:
@@ -87,3 +88,11 @@ def test_masks_are_soft_over_a_pixel() -> None:
     assert mask[4, 4] == 1
     assert mask[0, 0] == 0
     np.testing.assert_allclose(float(mask.sum()), 16, atol=1.5)
+
+
+def test_batches_join_sample_by_sample(photos: Photos) -> None:
+    one, two = (residual_batch(photos, n, 64, reach=6) for n in (2, 3))
+    both = one + two
+    assert len(both.template) == len(both.clear) == len(both.labelled) == 5
+    assert torch.equal(both.offsets[2:], two.offsets)
+    assert both.labelled.all()

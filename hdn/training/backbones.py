@@ -1,0 +1,67 @@
+"""ImageNet weights for the backbones, which are not trained here."""
+
+import pickle
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from torch import Tensor
+from torch.nn.functional import pad
+
+from ..backbone import Backbone
+from ..errors import InputError
+from ..similarity import SimilarityNetwork
+
+FAILURES = (
+    RuntimeError, ValueError, KeyError, OSError, EOFError, AttributeError, pickle.UnpicklingError, SafetensorError,
+)  # fmt: skip
+MEAN, DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of RGB in 0..1, as ImageNet's networks want it
+
+
+def load_backbone(network: SimilarityNetwork, path: Path) -> None:
+    """Takes the backbone's weights out of a weights file of ours, or a .pth file as its authors publish it.
+
+    Those are efficientnet-lite0 (see `Backbone`), and for the paper's configuration a ResNet-50: SiamBAN's, or a usual
+    one, which is adapted.
+
+    Raises:
+        InputError: the file is missing or holds something else.
+    """
+    needed = network.config.backbone
+    if not path.is_file():
+        raise InputError(f"backbone weights {path} are missing: name an existing file with --backbone")
+    ours = network.backbone.state_dict()
+    try:
+        if path.suffix == ".safetensors":
+            with safe_open(path, framework="pt") as file:  # its heads may be others than ours
+                network.backbone.load_state_dict({n: file.get_tensor(f"similarity.backbone.{n}") for n in ours})
+        elif isinstance(network.backbone, Backbone):
+            network.backbone.load_imagenet(path)
+        else:
+            theirs = adapted(torch.load(path, map_location="cpu", weights_only=True))
+            network.backbone.load_state_dict({name: theirs.get(name, value) for name, value in ours.items()})
+    except FAILURES as error:
+        reason = str(error).split("\n")[0]
+        raise InputError(f"{path} does not fit the backbone {needed} ({reason}): name weights of that one") from error
+
+
+def adapted(theirs: dict[str, Tensor]) -> dict[str, Tensor]:
+    """A usual ResNet-50's weights as our dilated one takes them; those of one like ours stay as they are.
+
+    Of strided and dilated stages, the shortcuts' 1x1 kernels become the middle of 3x3 ones. The first layer takes raw
+    BGR in 0..255 instead of normalised RGB: what the kernels lose by it, the batch norm's means make up for.
+
+    Raises:
+        KeyError: it is no ResNet-50.
+    """
+    if theirs["layer2.0.downsample.0.weight"].shape[2:] == (3, 3):
+        return theirs
+    ours = dict(theirs)
+    for stage in (2, 3, 4):
+        name = f"layer{stage}.0.downsample.0.weight"
+        ours[name] = pad(theirs[name], (1, 1, 1, 1))
+    kernel = theirs["conv1.weight"] / torch.tensor(DEVIATION)[:, None, None]  # (64, 3, 7, 7)
+    lost = (kernel * torch.tensor(MEAN)[:, None, None]).sum((1, 2, 3))
+    ours["conv1.weight"] = kernel.flip(1) / 255
+    ours["bn1.running_mean"] = theirs["bn1.running_mean"] + lost
+    return ours

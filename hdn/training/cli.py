@@ -1,0 +1,174 @@
+"""`hdn-train`: trains a component, validates and packs weights, runs the ablation."""
+
+import argparse
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+
+from .. import weights
+from ..commandline import Parser, run
+from ..config import COMPACT
+from ..errors import InputError
+from ..synthesis import Photos
+from . import ablation
+from .checkpoint import read_checkpoint
+from .data import find_images, held_out
+from .loop import COMPONENTS, HELD_OUT_IN_MEMORY, Data, train
+from .objectives import ResidualObjective, SimilarityObjective
+from .packing import pack
+from .recipes import recipe_of
+from .validation import Figures, table, validate
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of hdn-train."""
+    sys.exit(run(_command, arguments, "the last checkpoint is kept, the same command goes on from there"))
+
+
+def _command(arguments: Sequence[str] | None) -> int:
+    options = _parser().parse_args(arguments)
+    logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING)
+    options.run(options)
+    return 0
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="hdn-train",
+        description="Train a component of HDN on folders of images and clips, or say what weights reach. "
+        "The same command after an interruption goes on from the last checkpoint.",
+        epilog="Exit status: 0 done, 1 failed while working, 2 wrong input. See docs/training.md.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for component in COMPONENTS:
+        command = commands.add_parser(component, help=f"train the {component} component", description="")
+        _add_training(command)
+        command.set_defaults(run=_train)
+
+    command = commands.add_parser("ablation", help="train the rows of the paper's ablation table", description="")
+    _add_training(command)
+    command.set_defaults(run=_ablate)
+
+    command = commands.add_parser("pack", help="both components into one weights file", description="")
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of both checkpoints")
+    command.set_defaults(run=_pack)
+
+    command = commands.add_parser("validate", help="errors of weights on held-out images", description="")
+    command.add_argument("--weights", required=True, metavar="FILE", help="a weights file, or 'shipped'")
+    command.add_argument("--images", type=Path, nargs="+", required=True, metavar="DIR", help="of them the held-out")
+    _add_machine(command)
+    command.set_defaults(run=_validate)
+    return parser
+
+
+def _add_training(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("--images", type=Path, nargs="+", default=[], metavar="DIR", help="trees of images")
+    add("--videos", type=Path, nargs="+", default=[], metavar="DIR", help="trees of videos or folders of frames")
+    add("--config", choices=list(weights.CONFIGS), default=COMPACT.name, help="default compact")
+    add("--out", type=Path, required=True, metavar="DIR", help="for checkpoints, curves and reports")
+    add("--steps", type=int, metavar="N", help="default: the recipe's")
+    add("--batch", type=int, metavar="N", help="default: the recipe's")
+    add("--backbone", type=Path, metavar="FILE", help="its ImageNet weights (default for compact: the shipped ones)")
+    add("--seed", type=int, default=0, metavar="N", help="default 0")
+    _add_machine(command)
+
+
+def _add_machine(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu", help="cpu, cuda, cuda:1")
+    command.add_argument("--threads", type=int, metavar="N", help="on a CPU (default: all)")
+    command.add_argument(
+        "--pairs", type=int, default=512, metavar="N", help="to validate on, of each kind (default 512)"
+    )
+
+
+def _machine(options: argparse.Namespace) -> torch.device:
+    """The device, ready; threads and pairs are checked with it."""
+    if options.pairs < 1:
+        raise InputError("--pairs takes 1 or more")
+    if options.threads is not None:
+        if options.threads < 1:
+            raise InputError("--threads takes 1 or more")
+        torch.set_num_threads(options.threads)
+    try:
+        device = torch.device(options.device)
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).split("\n")[0]
+        raise InputError(f"--device {options.device} cannot be used ({reason}): leave it out, or name cpu") from error
+    return device
+
+
+def _check_budget(options: argparse.Namespace) -> None:
+    if (options.steps is not None and options.steps < 1) or (options.batch is not None and options.batch < 2):
+        raise InputError("--steps takes 1 or more, --batch 2 or more")
+
+
+def _backbone(options: argparse.Namespace) -> Path | None:
+    """Of the compact configuration the shipped weights have it, as ImageNet's classifier left it."""
+    return options.backbone or (weights.shipped() if options.config == COMPACT.name else None)
+
+
+def _train(options: argparse.Namespace) -> None:
+    _check_budget(options)
+    device, component = _machine(options), options.command
+    if options.videos and component == "similarity":
+        logging.warning("clips teach the residual component alone: --videos are not read")
+        options.videos = []
+    config = weights.CONFIGS[options.config]
+    saved = read_checkpoint(options.out / f"{component}.pt", component, config)  # refused before all images are read
+    start = saved["step"] if saved else 0
+    train(
+        component,
+        Data.open(options.images, options.videos, device, options.seed + start),
+        options.out,
+        config,
+        steps=options.steps,
+        batch=options.batch,
+        backbone=_backbone(options),
+        device=device,
+        seed=options.seed,
+        validation_pairs=options.pairs,
+    )
+
+
+def _ablate(options: argparse.Namespace) -> None:
+    _check_budget(options)
+    device, config = _machine(options), weights.CONFIGS[options.config]
+    report = ablation.run(
+        Data.open(options.images, options.videos, device, options.seed),
+        options.out,
+        config,
+        steps=options.steps or recipe_of(config).steps,
+        batch=options.batch,
+        backbone=_backbone(options),
+        device=device,
+        seed=options.seed,
+        validation_pairs=options.pairs,
+    )
+    print(f"Written to {report}")
+
+
+def _pack(options: argparse.Namespace) -> None:
+    path = pack(options.out / "similarity.pt", options.out / "residual.pt", options.out)
+    print(f"Written to {path}")
+
+
+def _validate(options: argparse.Namespace) -> None:
+    device = _machine(options)
+    network = weights.load(weights.shipped() if options.weights == "shipped" else Path(options.weights))
+    found = find_images(options.images)
+    kept = [p for p in found if held_out(p)]
+    print(f"{len(kept or found)} images, {'of held-out sources' if kept else 'none of them of a held-out source'}")
+    photos, recipe = Photos.read((kept or found)[:HELD_OUT_IN_MEMORY], device), recipe_of(network.config)
+    columns: dict[str, Figures] = {}
+    for objective in (
+        SimilarityObjective(network.similarity, recipe, device),
+        ResidualObjective(network.residual, recipe, device),
+    ):
+        for name, figures in validate(objective, photos, options.pairs).items():
+            columns.setdefault(name, {}).update(figures)
+    print(table(columns))

@@ -1,0 +1,202 @@
+"""The training loop of one component: resumable, seeded, with its progress, curves and validation."""
+
+import logging
+import math
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from ..config import COMPACT, Config
+from ..errors import RunError
+from ..paper import PaperResidual
+from ..residual import ResidualNetwork
+from ..similarity import SimilarityNetwork
+from ..synthesis import Photos
+from . import curves
+from .backbones import load_backbone
+from .checkpoint import read_checkpoint, write_checkpoint
+from .data import Clips, Pool, find_clips, find_images, split
+from .objectives import Objective, ResidualObjective, SimilarityObjective
+from .recipes import Recipe, recipe_of
+from .validation import Figures, validate
+
+COMPONENTS = ("similarity", "residual")
+REPORT, SAVE = 50, 500  # steps between lines of progress, and between checkpoints with validations
+HELD_OUT_IN_MEMORY = 1_000
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class Data:
+    """What is trained and validated on, in memory, and where it came from."""
+
+    photos: Pool
+    held_out: Photos
+    clips: Clips | None
+    sources: dict[str, Any]
+
+    @classmethod
+    def open(cls, images: list[Path], videos: list[Path], device: torch.device, seed: int) -> "Data":
+        """Finds and reads images and clips.
+
+        Raises:
+            InputError: none are there, or one cannot be read.
+        """
+        trained, kept, rule = split(find_images(images))
+        clips = Clips(find_clips(videos), device, seed) if videos else None
+        photos = Pool(trained, device, seed)
+        held_out = Photos.read(kept[:HELD_OUT_IN_MEMORY], device)
+        print(f"{len(trained)} images, {len(kept)} {rule}", flush=True)
+        if clips is not None:
+            print(f"{clips.count} clips, {len(clips)} frames of them", flush=True)
+        places = {"images": [str(p) for p in images], "videos": [str(p) for p in videos]}
+        return cls(photos, held_out, clips, {**places, "held_out": rule})
+
+
+def build(
+    component: str,
+    config: Config,
+    recipe: Recipe,
+    device: torch.device,
+    backbone: Path | None,
+    state: dict[str, Tensor] | None = None,
+) -> Objective:
+    """A network of one component, with what it is to be taught: new, on a given backbone, or with the weights `state`.
+
+    Raises:
+        InputError: the backbone's weights cannot be used.
+    """
+    if component == "similarity":
+        similarity = SimilarityNetwork(config)
+        if state is not None:
+            similarity.load_state_dict(state)
+        elif backbone is not None:
+            load_backbone(similarity, backbone)
+        else:
+            log.warning("the backbone keeps random weights, which no training mends: name some with --backbone")
+        return SimilarityObjective(similarity, recipe, device)
+    residual = ResidualNetwork(config) if config.residual == "matching" else PaperResidual(config)
+    if state is not None:
+        residual.load_state_dict(state)
+    return ResidualObjective(residual, recipe, device)
+
+
+def train(
+    component: str,
+    data: Data,
+    out: Path,
+    config: Config = COMPACT,
+    *,
+    recipe: Recipe | None = None,
+    steps: int | None = None,
+    batch: int | None = None,
+    backbone: Path | None = None,
+    device: torch.device,
+    seed: int = 0,
+    validation_pairs: int = 512,
+) -> dict[str, Figures]:
+    """Trains one component, and goes on from `out`/`component`.pt where that is there.
+
+    Besides the checkpoint it leaves curves: `component`.csv, `component`_validation.csv, and `component`.png.
+
+    Args:
+        recipe, steps, batch: the configuration's own unless given.
+        backbone: weights of the similarity component's backbone.
+
+    Returns:
+        The last validation's figures, by 'clean' and 'hard' pairs, and names.
+
+    Raises:
+        InputError: the checkpoint there is of another configuration or component.
+        RunError: the loss is no number any more.
+    """
+    recipe = recipe or recipe_of(config)
+    recipe = replace(recipe, steps=steps or recipe.steps, batch=batch or recipe.batch)
+    steps, batch = recipe.steps, recipe.batch
+    torch.manual_seed(seed)
+    out.mkdir(parents=True, exist_ok=True)
+    checkpoint = out / f"{component}.pt"
+    saved = read_checkpoint(checkpoint, component, config)
+    objective = build(component, config, recipe, device, backbone, None if saved is None else saved["network"])
+    parameters = [p for p in objective.network.parameters() if p.requires_grad]
+    optimizer = torch.optim.AdamW(parameters, weight_decay=recipe.weight_decay)
+    start = 0
+    history: list[curves.Row] = []
+    validations: list[curves.Row] = []
+    if saved is not None:
+        optimizer.load_state_dict(saved["optimizer"])
+        start, history, validations = saved["step"], saved.get("losses", []), saved.get("validations", [])
+        torch.manual_seed(seed + start)
+        print(f"{component}: goes on from step {start} of {checkpoint}", flush=True)
+    plots = True
+
+    def validation(step: int) -> dict[str, Figures]:
+        figures = validate(objective, data.held_out, validation_pairs)
+        validations.append({"step": step} | {f"{k} {n}": v for k, part in figures.items() for n, v in part.items()})
+        for name, part in figures.items():
+            print(f"step {step}  {name}: " + ", ".join(f"{n} {v:.4g}" for n, v in part.items()), flush=True)
+        return figures
+
+    def save(step: int) -> None:
+        state = {
+            "network": objective.network.state_dict(),
+            "optimizer": optimizer.state_dict(),
+            "component": component,
+            "config": config.name,
+            "recipe": asdict(recipe),
+            "step": step,
+            "seed": seed,
+            **data.sources,
+            "losses": history,
+            "validations": validations,
+        }
+        write_checkpoint(checkpoint, state)
+
+    if start >= steps:
+        print(f"{component}: {steps} steps are done already; more with --steps", flush=True)
+        return validation(start)
+    objective.training(True)
+    sums: dict[str, Tensor] = {}
+    figures: dict[str, Figures] = {}
+    since, clock = start, time.perf_counter()
+    for step in range(start + 1, steps + 1):
+        rate = recipe.rate(step - 1, steps)
+        for group in optimizer.param_groups:
+            group["lr"] = rate
+        parts = objective.losses(objective.sample(data.photos, data.clips, batch))  # type: ignore[arg-type]
+        loss = torch.stack(list(parts.values())).sum()
+        optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        nn.utils.clip_grad_norm_(parameters, 5.0)
+        optimizer.step()
+        for name, value in {"loss": loss, **parts}.items():
+            sums[name] = sums.get(name, torch.zeros_like(value)) + value.detach()
+        last = step == steps
+        if step % REPORT == 0 or last:
+            means = {name: float(total) / (step - since) for name, total in sums.items()}
+            if math.isnan(means["loss"]):
+                raise RunError(f"the loss is no number any more at step {step}: go on from the last checkpoint")
+            history.append({"step": step, "rate": rate, **means})
+            curves.write_csv(history, out / f"{component}.csv")
+            seconds = time.perf_counter() - clock
+            speed, left = (step - since) * batch / seconds, (steps - step) * seconds / (step - since)
+            detail = ", ".join(f"{name} {value:.3f}" for name, value in means.items() if name != "loss")
+            print(
+                f"{component} {step}/{steps}  loss {means['loss']:.3f} ({detail})  "
+                f"{speed:.0f} samples/s, {left / 60:.0f} min to go",
+                flush=True,
+            )
+            data.photos.refresh()
+            sums, since, clock = {}, step, time.perf_counter()
+        if step % SAVE == 0 or last:
+            figures = validation(step)
+            save(step)
+            curves.write_csv(validations, out / f"{component}_validation.csv")
+            plots = plots and curves.plot(history, validations, out / f"{component}.png")
+            clock = time.perf_counter()
+    return figures
