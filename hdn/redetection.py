@@ -1,10 +1,9 @@
 """Finding a lost target anywhere in the frame, by keypoints."""
 
 import cv2
-import numpy as np
 
 from .homography import Array, normalised
-from .observation import Observation
+from .observation import Observation, find_keypoints
 
 MIN_INLIERS = 12
 TOLERANCE = 3.0  # px
@@ -15,10 +14,7 @@ class Redetector:
 
     def __init__(self, frame: Observation, quad: Array) -> None:
         """Args: frame: the reference frame; quad: (4, 2) the target in it, px."""
-        points, descriptors = frame.keypoints
-        contour = quad.astype(np.float32)
-        on_target = [cv2.pointPolygonTest(contour, (float(x), float(y)), False) > 0 for x, y in points]
-        self.points, self.descriptors = points[on_target], descriptors[on_target]
+        self.points, self.descriptors = find_keypoints(frame.grey, 1500, within=quad)
 
     def find(self, frame: Observation) -> Array | None:
         """The homography (3, 3), reference frame to this one, that the matches agree on; None where they do not."""
