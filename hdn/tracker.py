@@ -38,9 +38,9 @@ class Estimate:
     """The tracker's answer for one frame.
 
     Attributes:
-        homography: (3, 3) reference-frame pixels to this frame's pixels; while held or lost, the last one found.
+        homography: (3, 3) reference-frame pixels to this frame's pixels; while lost, the last one known.
         corners: (4, 2) the target's corners in this frame, px.
-        state: 'tracked', 'held' (no fix for some frames: the pose is the last one) or 'lost'.
+        state: 'tracked', 'held' (no fix for some frames: the pose is carried on, or stays) or 'lost'.
         confidence: 0..1, the share of the target's area in the frame that agrees with the template.
         deviation: px, standard deviation of the corners: small where all is seen, some px where half is hidden,
             infinite where nothing tells where the target is.
@@ -200,9 +200,8 @@ class Tracker:
             found = self.redetector.find(seen)
             if found is None or not self._plausible(found):
                 return _Finding(self.homography, Evidence(), np.zeros((CELLS, CELLS), np.float32))
-            proposal = Proposal(
-                found, 1.0, 1.0, 0.0, np.ones((1, 1), np.float32)
-            )  # keypoints vouch for it as HDN would
+            # Keypoints vouch for it as HDN would.
+            proposal = Proposal(found, 1.0, 1.0, 0.0, np.ones((1, 1), np.float32))
         else:
             proposal = self.proposer.propose(seen.colour, self._sweep(seen.colour))
         return self._refine(seen.grey, proposal.homography, proposal)

@@ -145,11 +145,12 @@ def test_ctrl_c_ends_it_with_a_finished_file(clip: Path, ad: Path, truth: list[n
         if done == 3:
             os.kill(os.getpid(), signal.SIGINT)
 
+    before = signal.getsignal(signal.SIGINT)
     result = replace_live(str(clip), [Surface(ad, options)], options, out, press)
     assert result.frames == 3
     assert len(reds(out)) == result.frames
     assert [p.name for p in tmp_path.iterdir()] == ["out.mp4"]
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_stream_on_standard_output(clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
