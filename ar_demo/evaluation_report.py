@@ -33,8 +33,8 @@ from .evaluation_scenes import read_scenes
 
 ALL = ("hdn", "hdn-raw", "hdn-similarity", "hdn-residual", "sift", "orb", "ecc", "flow")
 COMPARED = ("hdn", "sift", "orb", "ecc", "flow")
-SEED, FRAMES = 0, 100  # of SynthPlanar's clips
-CLIP_FRAMES = 120  # of a real clip, at most
+SEED, FRAMES = 0, 60  # of SynthPlanar's clips
+CLIP_FRAMES = 60  # of a real clip, at most
 SHEET_ROWS, SHEET_WIDTH = 4, 800  # of the pictures in the report
 
 TRACKERS = """\
