@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from fractions import Fraction
 from pathlib import Path
 from typing import cast
@@ -62,7 +62,7 @@ def has_alpha(stream: VideoStream) -> bool:
 
 def decode(
     container: InputContainer, stream: VideoStream, on_damage: Callable[[], None], *, alpha: bool = False
-) -> Iterator[av.VideoFrame]:
+) -> Generator[av.VideoFrame, None, None]:
     """Decoded frames in display order from where the container stands.
 
     Packets that do not decode are skipped, a file that breaks off ends the iteration: on_damage() is called for each.

@@ -85,6 +85,8 @@ class Stream:
         if self._thread.is_alive():
             self._thread.join(TIMEOUT)
         if not self._thread.is_alive():  # else it is stuck in the driver, and goes with the process
+            self._newest = None
+            self._frames.close()  # before what it decodes from goes
             self._container.close()
 
     def __enter__(self) -> Self:

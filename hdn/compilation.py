@@ -6,6 +6,7 @@ at the tracker's start, and reports to its makers. So the modules are traced her
 
 import warnings
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import openvino as ov
@@ -50,12 +51,21 @@ def join(backbone: ov.Model, head: ov.Model, crop_size: int, *kernels: Tensor) -
     return ov.Model(head.get_results(), inputs[: len(kernels)] + backbone.get_parameters())
 
 
+@cache
+def _core() -> ov.Core:
+    """One for the process, for good: a core gives the thread a stack for signals, which goes with it.
+
+    The next Ctrl-C would then end in a segmentation fault (seen with OpenVINO 2026.4).
+    """
+    return ov.Core()
+
+
 def compiled(model: ov.Model, threads: int | None = None) -> Function:
     """The model as a function of arrays, in single precision, on so many threads or all there are."""
     options: dict[str, str | int] = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
     if threads:
         options["INFERENCE_NUM_THREADS"] = threads
-    request = ov.Core().compile_model(model, "CPU", options).create_infer_request()
+    request = _core().compile_model(model, "CPU", options).create_infer_request()
     outputs = len(model.outputs)
 
     def run(*inputs: Floats) -> list[Floats]:

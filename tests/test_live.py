@@ -1,7 +1,6 @@
 """Live use: a file played as a stream, dropped frames, Ctrl-C, and a stream on standard output."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -143,7 +142,7 @@ def test_ctrl_c_ends_it_with_a_finished_file(clip: Path, ad: Path, truth: list[n
 
     def press(stage: str, done: int, total: int | None, state: str) -> None:
         if done == 3:
-            os.kill(os.getpid(), signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
 
     before = signal.getsignal(signal.SIGINT)
     result = replace_live(str(clip), [Surface(ad, options)], options, out, press)
