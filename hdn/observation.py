@@ -35,10 +35,7 @@ def find_keypoints(frame: Pyramid, most: int, within: Array | None = None) -> Ke
 
     Args: within: a quad (4, 2), px, outside of which nothing counts.
     """
-    level = 0
-    while max(frame.size) / 2**level > LONGEST:
-        level += 1
-    image, factor = frame.level(level)
+    image, factor = frame.at_most(LONGEST)
     mask = None
     if within is not None:
         mask = np.zeros(image.shape, np.uint8)

@@ -30,6 +30,13 @@ class Pyramid:
         index = min(index, len(self.levels) - 1)
         return self.levels[index], 2.0**index
 
+    def at_most(self, longest: int) -> tuple[Image, float]:
+        """The largest level whose longer side is at most so many px, and its reduction."""
+        index = 0
+        while max(self.size) / 2**index > longest:
+            index += 1
+        return self.level(index)
+
     def crop(self, crop_to_frame: Array, width: int, height: int, fill: tuple[float, ...] | None = None) -> Image:
         """A crop (height, width, ...) whose pixels look into the frame through a homography.
 

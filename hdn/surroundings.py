@@ -24,10 +24,7 @@ def surrounding_motion(before: Pyramid, after: Pyramid, corners: Array) -> Array
     Returns:
         None where too few points agree: nothing is seen there, or it does not move as one.
     """
-    level = 0
-    while max(before.size) / 2**level > LONGEST:
-        level += 1
-    (source, factor), (target, _) = before.level(level), after.level(level)
+    (source, factor), (target, _) = before.at_most(LONGEST), after.at_most(LONGEST)
     points = cv2.goodFeaturesToTrack(
         source, POINTS, 0.01, 5, mask=_ring(source.shape[:2], (corners + 0.5) / factor - 0.5)
     )

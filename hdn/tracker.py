@@ -108,6 +108,7 @@ class Tracker:
         self.homography = self.previous = normalised(homography)
         self.missed, self.covariance = 0, CARRIED
         self._seen = ()
+        self._carried_to: tuple[Pyramid, Array | None] | None = None  # the frame last asked about, and the pose in it
         self._attached: bool | None = None  # to what surrounds the target; None where that is not known
 
     def lose(self) -> None:
@@ -147,7 +148,7 @@ class Tracker:
 
     def _carry_on(self, grey: Pyramid) -> None:
         """Moves the pose of a hidden target with its surroundings, if that is what it does."""
-        carried = self._carried(grey) if self.missed < HOLD_FRAMES else None
+        carried = self._carried(grey) if self.missed < HOLD_FRAMES else None  # known already, of `_expected`
         self._is_measured = carried is not None
         if carried is not None:
             self.homography, self.covariance = carried, self.covariance + CARRIED
@@ -155,6 +156,11 @@ class Tracker:
 
     def _carried(self, grey: Pyramid) -> Array | None:
         """The last pose, moved as its surroundings have since; None where they did not move alike while it was seen."""
+        if self._carried_to is None or self._carried_to[0] is not grey:
+            self._carried_to = grey, self._follow_surroundings(grey)
+        return self._carried_to[1]
+
+    def _follow_surroundings(self, grey: Pyramid) -> Array | None:
         if self._attached is None:
             self._attached = self._moved_with_surroundings()
         if not self._attached or not self._seen:
