@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
@@ -20,14 +20,13 @@ from ar_demo.video import VideoReader
 from hdn import Tracker
 from hdn.engine import Engine
 
+from .conftest import Run
 from .media import frame_times, make_clip, make_sound, sound_packets, tone, truncated
 from .scenes import Scene, error, path
 
 FRAMES = 24
 LOST = range(10, 14)
 START = 8
-
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(autouse=True)
@@ -69,17 +68,6 @@ def ad(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("ad") / "ad.png"
     cv2.imwrite(str(file), np.full((60, 80, 3), (0, 0, 255), np.uint8))
     return file
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    def call(*arguments: object, main: Callable[[list[str]], None] = cli.replace_main) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as end:
-            main([str(a) for a in arguments])
-        out, err = capsys.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return call
 
 
 def quad_arguments(quad: np.ndarray) -> list[str]:

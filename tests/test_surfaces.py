@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from hdn import Tracker
 from hdn.engine import Engine
 from hdn.errors import InputError
 
+from .conftest import Run
 from .media import make_clip, truncated
 from .scenes import Image, Scene, error, moved, path
 
@@ -31,8 +31,6 @@ QUADS = [
     np.array([[20.0, 40], [140, 44], [136, 130], [22, 126]]),
     np.array([[185.0, 90], [300, 94], [296, 190], [187, 186]]),
 ]
-
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(autouse=True)
@@ -66,17 +64,6 @@ def ads(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     for file, colour in zip(files, ((0, 0, 255), (255, 0, 0)), strict=True):
         cv2.imwrite(str(file), np.full((60, 80, 3), colour, np.uint8))
     return files
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    def call(*arguments: object, main: Callable[[list[str]], None] = cli.replace_main) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as end:
-            main([str(a) for a in arguments])
-        out, err = capsys.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return call
 
 
 def corners(quad: np.ndarray) -> list[str]:
