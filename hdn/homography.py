@@ -5,6 +5,7 @@ Pixel coordinates: x right, y down, the centre of the top-left pixel is (0, 0).
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -67,6 +68,12 @@ def normalised(matrix: Array) -> Array:
 def transform(matrix: Array, points: Array) -> Array:
     """Points (..., 2) through a homography (3, 3)."""
     p = points @ matrix[:, :2].T + matrix[:, 2]
+    return p[..., :2] / p[..., 2:]
+
+
+def project(matrix: Tensor, points: Tensor) -> Tensor:
+    """Points (M, 2) or (B, M, 2) through homographies (B, 3, 3), differentiable: (B, M, 2)."""
+    p = F.pad(points, (0, 1), value=1.0) @ matrix.transpose(1, 2)
     return p[..., :2] / p[..., 2:]
 
 

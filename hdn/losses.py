@@ -1,4 +1,4 @@
-"""Labels and losses of both components, as in the paper; equations by their order there."""
+"""Labels and losses of the components, as in the paper; equations by their order there."""
 
 import math
 

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from .config import Config
 from .correlation import adapt, centre, correlate, pad_polar
-from .homography import dlt, square
+from .homography import dlt, project, square
 from .resnet import LEVELS, ResNet34
 
 
@@ -139,18 +139,12 @@ class PaperResidual(nn.Module):
         corners = torch.from_numpy(square(n)).to(offsets).expand(len(offsets), 4, 2)
         y, x = torch.meshgrid(torch.arange(n), torch.arange(n), indexing="ij")
         pixels = torch.stack([x, y], -1).reshape(1, -1, 2).to(offsets)
-        places = through(torch.linalg.inv(matrix), pixels).reshape(-1, n, n, 2)
+        places = project(torch.linalg.inv(matrix), pixels).reshape(-1, n, n, 2)
         warped = F.grid_sample(template, places * (2 / (n - 1)) - 1, padding_mode="border", align_corners=True)
         before, after = ((search - t).abs().mean((1, 2, 3)) for t in (template, warped))
-        return through(matrix, corners) - corners, (after < SEEN * before).float()[:, None, None]
+        return project(matrix, corners) - corners, (after < SEEN * before).float()[:, None, None]
 
     def homography(self, offsets: Tensor) -> Tensor:
         """Offsets (B, 4, 2) to homographies (B, 3, 3), pixels of the template crop to those of the search crop."""
         n = float(self.size)
         return torch.linalg.inv(dlt(offsets, offsets.new_tensor([[0.0, 0.0], [0.0, n], [n, n], [n, 0.0]])))
-
-
-def through(matrix: Tensor, points: Tensor) -> Tensor:
-    """Points (1 or B, M, 2) through homographies (B, 3, 3): (B, M, 2)."""
-    p = F.pad(points, (0, 1), value=1.0) @ matrix.transpose(1, 2)
-    return p[..., :2] / p[..., 2:]

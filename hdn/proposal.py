@@ -16,6 +16,7 @@ from .observation import Observation
 from .polar import polar_points
 from .sampling import Image, Pyramid
 
+FAR = 4.0  # px of the residual crop that its corners are off by, on average, from which a second look is worth it
 CLEAR = 0.8  # share of the target seen, from which nothing hides it
 
 Stage = Literal["similarity", "residual", "refinement"]
@@ -102,7 +103,17 @@ class Proposer:
         return moved @ to_centre @ turned @ np.linalg.inv(to_centre), shift.score, polar.score
 
     def _residual(self, frame: Pyramid, start: Array) -> tuple[Array, float, Floats]:
-        """Corner offsets of what is left; also their mean length and which parts are seen."""
+        """What is left; also the mean length of the corners' offsets and which parts are seen."""
+        homography, length, visible = self._look(frame, start)
+        if length > FAR and visible.mean() >= SEEN:
+            # The corners were out of the crop, or squeezed; from where they are now all is in view.
+            again, _, its_visible = self._look(frame, homography)
+            if its_visible.mean() >= visible.mean():
+                homography, visible = again, its_visible
+        return homography, length, visible
+
+    def _look(self, frame: Pyramid, start: Array) -> tuple[Array, float, Floats]:
+        """One run of the residual network, at a pose."""
         n = self.config.residual_size
         residual = self.engine.residual(self.template, frame.crop(start @ self.outline, n, n))
         corners = square(n)

@@ -34,7 +34,8 @@ def standardise(crops: Tensor) -> Tensor:
     """RGB (B, 3, n, n), any range, to grey (B, 1, n, n) of zero mean and unit deviation: free of gain and bias."""
     grey = crops.mean(1, keepdim=True)
     centred = grey - grey.mean((2, 3), keepdim=True)
-    return centred / (centred.square().mean((2, 3), keepdim=True).sqrt() + 2)
+    variance = centred.square().mean((2, 3), keepdim=True)
+    return centred / (variance.clamp_min(1e-6).sqrt() + 2)  # of a crop without contrast the root has no gradient
 
 
 class Extractor(nn.Module):

@@ -38,6 +38,7 @@ FRAME = (1280, 720)
 TARGET = (280, 350)  # px, as large as the poster of the demo clip
 FRAMES = 24  # of a motion that begins again
 ROUNDS = 12
+REST = 0.3  # s after which idle threads of PyTorch no longer spin
 AUTHORS_MS = 674  # their code, a frame of 1920x804, on two AVX-512 cores of another machine
 AGREEMENT = 0.1  # px, to which the engines' corners have to agree
 
@@ -112,7 +113,8 @@ class Subject:
     seconds: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
 
     def run(self, first: int) -> None:
-        """One burst; its first frame only brings caches and threads back."""
+        """One burst; its first frame only brings caches and threads back, those of others having come to rest."""
+        time.sleep(REST)
         for i in range(first, first + self.burst + 1):
             for part, seconds in self.measure(i % FRAMES).items():
                 if i > first:

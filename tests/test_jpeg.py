@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import torch
 
-from hdn import synthesis
 from hdn.jpeg import compress
+from hdn.synthesis.looks import code
 
 from .scenes import texture
 
@@ -34,6 +34,6 @@ def test_sizes_that_are_no_multiple_of_eight_and_any_phase() -> None:
 def test_a_share_is_compressed() -> None:
     torch.manual_seed(0)
     crops = torch.rand(40, 3, 16, 16)
-    changed = (synthesis.code(crops, 0.5) != crops).any(3).any(2).any(1)
+    changed = (code(crops, 0.5) != crops).any(3).any(2).any(1)
     assert 8 < int(changed.sum()) < 32
-    assert synthesis.code(crops, 0.0) is crops
+    assert code(crops, 0.0) is crops

@@ -8,10 +8,9 @@ import torch
 
 from hdn.config import COMPACT, PAPER
 from hdn.engine import Engine, _decode
-from hdn.homography import dlt, square
+from hdn.homography import dlt, project, square
 from hdn.polar import polar_crop, polar_points
 from hdn.residual import ResidualNetwork, geometry, standardise
-from hdn.synthesis import project
 from hdn.weights import Hdn
 
 from .scenes import texture

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from hdn import synthesis
 from hdn.errors import InputError
-from hdn.homography import dlt, square
-from hdn.synthesis import Photos, pixel_grid, project, residual_batch, similarity_batch
+from hdn.homography import dlt, project, square
+from hdn.synthesis import Photos, covers, looks, residual_batch, similarity_batch
+from hdn.synthesis.photos import pixel_grid
 
 from .scenes import texture
 
@@ -28,7 +28,7 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without light, blur and noise, pairs can be compared pixel by pixel."""
     torch.manual_seed(0)
     for name in ("relight", "blur", "coarsen"):
-        monkeypatch.setattr(synthesis, name, lambda *args: next(a for a in args if isinstance(a, torch.Tensor)))
+        monkeypatch.setattr(looks, name, lambda *args: next(a for a in args if isinstance(a, torch.Tensor)))
 
 
 def difference(template: torch.Tensor, search: torch.Tensor, matrix: torch.Tensor, box: torch.Tensor) -> torch.Tensor:
@@ -68,7 +68,7 @@ def test_residual_offsets_are_where_the_corners_went(photos: Photos) -> None:
 def test_what_hides_the_target_is_known(photos: Photos) -> None:
     torch.manual_seed(0)
     crops = torch.zeros(32, 3, 64, 64)
-    occluded, hidden = synthesis.occlude(photos, crops, 1.0, torch.zeros(32, 2), 64)
+    occluded, hidden = covers.occlude(photos, crops, 1.0, torch.zeros(32, 2), 64)
     assert (occluded[(hidden == 0).expand_as(crops)] == 0).all()
     assert (hidden.amax((1, 2, 3)) > 0.5).float().mean() > 0.9
     share = hidden.mean((1, 2, 3))
@@ -84,7 +84,7 @@ def test_unreadable_images_are_named(tmp_path: Path) -> None:
 
 def test_masks_are_soft_over_a_pixel() -> None:
     quad = torch.tensor([[[-2.0, -2], [2, -2], [2, 2], [-2, 2]]])
-    mask = synthesis.inside(quad, pixel_grid(8, quad.device)[None], 8)[0, 0]
+    mask = covers.inside(quad, pixel_grid(8, quad.device)[None], 8)[0, 0]
     assert mask[4, 4] == 1
     assert mask[0, 0] == 0
     np.testing.assert_allclose(float(mask.sum()), 16, atol=1.5)

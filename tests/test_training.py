@@ -7,17 +7,18 @@ from pathlib import Path
 import cv2
 import pytest
 import torch
+from safetensors import safe_open
 
 from hdn import weights
 from hdn.config import COMPACT, PAPER, Config
 from hdn.errors import InputError
 from hdn.residual import ResidualNetwork
 from hdn.similarity import SimilarityNetwork
-from hdn.training import ablation, objectives
-from hdn.training.backbones import adapted, load_backbone
+from hdn.training import ablation, curves, objectives
 from hdn.training.cli import main
-from hdn.training.loop import Data, train
-from hdn.training.objectives import ResidualObjective, SimilarityObjective
+from hdn.training.initial import adapted, load_backbone
+from hdn.training.loop import COMPONENTS, Data, train
+from hdn.training.objectives import BranchObjective, PolarObjective, ResidualObjective, TranslationObjective
 from hdn.training.packing import pack
 from hdn.training.recipes import RECIPES
 from hdn.training.validation import Figures, percentiles, roc_area
@@ -68,11 +69,20 @@ def data(images: Path, clips: Path) -> Data:
     return Data.open([images], [clips], CPU, 0)
 
 
-def run(component: str, data: Data, out: Path, steps: int, config: Config = COMPACT) -> dict[str, Figures]:
-    return train(component, data, out, config, steps=steps, batch=3, validation_pairs=3, device=CPU)
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without what takes longer than the training here: converting the backbone, and drawing curves."""
+    monkeypatch.setattr(objectives, "frozen_features", lambda network, _: network.backbone)
+    monkeypatch.setattr(curves, "plot", lambda *_: True)
 
 
-@pytest.mark.parametrize("component", ["similarity", "residual"])
+def run(
+    component: str, data: Data, out: Path, steps: int, config: Config = COMPACT, start: Path | None = None
+) -> dict[str, Figures]:
+    return train(component, data, out, config, steps=steps, batch=3, validation_pairs=3, start=start, device=CPU)
+
+
+@pytest.mark.parametrize("component", COMPONENTS)
 def test_trains_and_resumes(component: str, data: Data, tmp_path: Path) -> None:
     figures = run(component, data, tmp_path, 1)
     first = torch.load(tmp_path / f"{component}.pt", weights_only=True)
@@ -86,9 +96,9 @@ def test_trains_and_resumes(component: str, data: Data, tmp_path: Path) -> None:
     then = torch.load(tmp_path / f"{component}.pt", weights_only=True)
     assert then["step"] == 2
     moved = [n for n, v in then["network"].items() if not torch.equal(v, first["network"][n])]
-    assert moved
-    if component == "similarity":
-        assert not any("backbone" in name for name in moved)  # frozen, batch statistics too
+    assert any(name.endswith("running_mean") for name in moved)
+    if component != "residual":
+        assert all(name.startswith(f"{component}.") for name in moved)  # all else is frozen, batch statistics too
     with open(tmp_path / f"{component}.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["step"] for row in rows] == ["1", "2"]
@@ -102,30 +112,38 @@ def test_trains_and_resumes(component: str, data: Data, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("component", "losses"),
     [
-        ("similarity", {"classification", "offset", "polar classification", "polar offset"}),
+        ("translation", {"classification", "offset"}),
+        ("polar", {"polar classification", "polar offset"}),
         ("residual", {"negative", "triplet images", "triplet clips", "corner"}),
     ],
 )
-def test_the_paper_s_configuration_trains(
-    component: str, losses: set[str], data: Data, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # To convert a ResNet-50 would take longer than all else here.
-    monkeypatch.setattr(objectives, "frozen_features", lambda network, _: network.backbone)
+@pytest.mark.usefixtures("quick")
+def test_the_paper_s_configuration_trains(component: str, losses: set[str], data: Data, tmp_path: Path) -> None:
     figures = run(component, data, tmp_path, 1, SLIM["paper"])
-    assert {len(part) for part in figures.values()} == {8 if component == "similarity" else 5}
+    assert {len(part) for part in figures.values()} == {{"translation": 3, "polar": 5, "residual": 7}[component]}
     state = torch.load(tmp_path / f"{component}.pt", weights_only=True)
     assert (state["config"], state["recipe"]["decay"]) == ("paper", "exponential")
     with open(tmp_path / f"{component}.csv", newline="") as file:
         assert set(next(csv.DictReader(file))) == losses | {"step", "rate", "loss"}
 
 
+@pytest.mark.usefixtures("quick")
 def test_a_seed_gives_the_same_losses(data: Data, tmp_path: Path) -> None:
     for name in ("a", "b"):
         run("residual", data, tmp_path / name, 1)
     assert (tmp_path / "a/residual.csv").read_text() == (tmp_path / "b/residual.csv").read_text()
 
 
-@pytest.mark.parametrize(("component", "config"), [("residual", PAPER), ("similarity", COMPACT)])
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(("objective", "branch"), [(TranslationObjective, "translation"), (PolarObjective, "polar")])
+def test_a_branch_alone_is_taught(objective: type[BranchObjective], branch: str) -> None:
+    network = SimilarityNetwork(COMPACT)
+    objective(network, RECIPES["compact"], CPU).taught.train()  # type: ignore[call-arg]
+    assert {name.split(".")[0] for name, p in network.named_parameters() if p.requires_grad} == {branch}
+    assert {name.split(".")[0] for name, module in network.named_modules() if module.training} == {branch}
+
+
+@pytest.mark.parametrize(("component", "config"), [("residual", PAPER), ("polar", COMPACT)])
 def test_another_configuration_or_component_does_not_resume(
     component: str, config: Config, data: Data, tmp_path: Path
 ) -> None:
@@ -133,6 +151,33 @@ def test_another_configuration_or_component_does_not_resume(
     torch.save(state, tmp_path / f"{component}.pt")
     with pytest.raises(InputError, match="is of the residual component, configuration compact"):
         run(component, data, tmp_path, 1, config)
+
+
+@pytest.mark.usefixtures("quick")
+def test_begins_with_given_weights_and_keeps_their_name(
+    data: Data, tmp_path: Path, shipped: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run("polar", data, tmp_path, 1, start=shipped)
+    assert f"polar: begins with the weights of {shipped}" in capsys.readouterr().out
+    first = torch.load(tmp_path / "polar.pt", weights_only=True)
+    assert (first["step"], first["start"]) == (1, str(shipped))
+    given = weights.load(shipped).similarity.state_dict()
+    moved = {name: value for name, value in first["network"].items() if not torch.equal(value, given[name])}
+    assert all(name.startswith("polar.") for name in moved)
+    # One step at the schedule's first rate, a hundredth of the highest, goes no farther.
+    assert all((value - given[name]).abs().max() < 1e-3 for name, value in moved.items() if name.endswith("weight"))
+
+    run("polar", data, tmp_path, 2)
+    then = torch.load(tmp_path / "polar.pt", weights_only=True)
+    assert (then["step"], then["start"]) == (2, str(shipped))  # goes on with or without the option
+    other = shipped.with_name("other.safetensors")
+    with pytest.raises(InputError, match=f"began with {shipped}, not with {other}"):
+        run("polar", data, tmp_path, 3, start=other)
+
+
+def test_weights_of_another_configuration_are_no_start(data: Data, tmp_path: Path, shipped: Path) -> None:
+    with pytest.raises(InputError, match="is of configuration compact: name weights of paper"):
+        run("residual", data, tmp_path, 1, PAPER, shipped)
 
 
 def test_the_compact_rate_warms_up_and_falls_to_zero() -> None:
@@ -152,22 +197,61 @@ def test_the_paper_s_rate_is_as_it_says() -> None:
     assert recipe.rate(steps - 1, steps) == pytest.approx(2e-6, rel=0.2)
 
 
-def test_packs_two_checkpoints_of_one_configuration(tmp_path: Path, shipped: Path) -> None:
-    network = weights.load(shipped)
-    paths = [tmp_path / f"{component}.pt" for component in ("similarity", "residual")]
-    for path in paths:
-        state = {"network": getattr(network, path.stem).state_dict(), "config": "compact", "step": 7, "seed": 3}
+def test_packs_each_component_from_its_own_checkpoint(tmp_path: Path) -> None:
+    torch.manual_seed(1)
+    trained = {component: weights.Hdn() for component in COMPONENTS}
+    backbone = trained["translation"].similarity.backbone
+    trained["polar"].similarity.backbone = backbone
+    paths = [tmp_path / f"{component}.pt" for component in COMPONENTS]
+    states = []
+    for step, path in enumerate(paths):
+        network = trained[path.stem]
+        part = network.residual if path.stem == "residual" else network.similarity
+        states.append({"network": part.state_dict(), "config": "compact", "step": step, "seed": 3})
+    states[1]["start"] = "somewhere/w.safetensors"
+    for state, path in zip(states, paths, strict=True):
         torch.save(state, path)
+
     written = pack(*paths, tmp_path)  # type: ignore[call-arg]
     assert written == tmp_path / "hdn_compact.safetensors"
-    packed = weights.load(written).state_dict()
-    torch.testing.assert_close(packed, network.state_dict(), rtol=1e-3, atol=1e-6)
-    torch.save(state | {"config": "paper"}, paths[1])
-    with pytest.raises(InputError, match="is of configuration paper"):
-        pack(*paths, tmp_path / "w.safetensors")  # type: ignore[call-arg]
+    packed = weights.load(written)
+    for ours, theirs in (
+        (packed.similarity.backbone, backbone),
+        (packed.similarity.translation, trained["translation"].similarity.translation),
+        (packed.similarity.polar, trained["polar"].similarity.polar),
+        (packed.residual, trained["residual"].residual),
+    ):
+        torch.testing.assert_close(ours.state_dict(), theirs.state_dict(), rtol=1e-3, atol=1e-6)
+    with safe_open(written, framework="pt") as file:
+        assert file.metadata() == {
+            "config": "compact",
+            "translation": "0 steps, seed 3",
+            "polar": "1 steps, seed 3, begun with w.safetensors",
+            "residual": "2 steps, seed 3",
+        }
+
+    torch.save(states[1] | {"network": weights.Hdn().similarity.state_dict()}, paths[1])
+    with pytest.raises(InputError, match=r"polar\.pt stands on another backbone than .*translation\.pt"):
+        pack(*paths, tmp_path)  # type: ignore[call-arg]
+    torch.save(states[2] | {"config": "paper"}, paths[2])
+    with pytest.raises(InputError, match=r"residual\.pt is of configuration paper"):
+        pack(*paths, tmp_path)  # type: ignore[call-arg]
     paths[0].unlink()
-    with pytest.raises(InputError, match=r"similarity\.pt is missing: run hdn-train similarity"):
-        pack(*paths, tmp_path / "w.safetensors")  # type: ignore[call-arg]
+    with pytest.raises(InputError, match=r"translation\.pt is missing: run hdn-train translation"):
+        pack(*paths, tmp_path)  # type: ignore[call-arg]
+
+
+def test_a_backbone_in_half_precision_is_the_same_one(tmp_path: Path) -> None:
+    network = weights.Hdn()
+    rounded = {n: v.half().float() if v.is_floating_point() else v for n, v in network.similarity.state_dict().items()}
+    parts = {
+        "translation": network.similarity.state_dict(),
+        "polar": rounded,
+        "residual": network.residual.state_dict(),
+    }
+    for component, state in parts.items():
+        torch.save({"network": state, "config": "compact", "step": 1, "seed": 0}, tmp_path / f"{component}.pt")
+    assert pack(*(tmp_path / f"{component}.pt" for component in COMPONENTS), tmp_path).exists()  # type: ignore[call-arg]
 
 
 def test_a_usual_resnet_50_sees_what_ours_sees() -> None:
@@ -213,6 +297,7 @@ def test_percentiles_and_roc_area_by_hand() -> None:
     assert roc_area(torch.tensor([0.9, 0.5]), torch.tensor([0.1, 0.5])) == pytest.approx(3.5 / 4)
 
 
+@pytest.mark.usefixtures("quick")
 def test_validate_prints_the_same_table_each_time(
     images: Path, shipped: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -225,7 +310,8 @@ def test_validate_prints_the_same_table_each_time(
         tables.append(capsys.readouterr().out)
     assert tables[0] == tables[1]
     assert "2 images, of held-out sources" in tables[0]
-    for name in ("clean | hard", "translation px median", "rotation rad p90", "corners px p90", "visible AUC"):
+    for name in ("clean | hard", "translation px median", "rotation rad p90", "| score AUC", "log-polar score AUC",
+                 "corners px p90", "visible AUC"):  # fmt: skip
         assert name in tables[0]
 
 
@@ -237,7 +323,9 @@ def test_validate_prints_the_same_table_each_time(
         (["residual", "--out", "o", "--steps", "0"], "--steps takes 1 or more"),
         (["residual", "--out", "o", "--device", "warp"], "--device warp cannot be used"),
         (["residual", "--out", "o", "--config", "huge"], "invalid choice: 'huge'"),
-        (["pack", "--out", "nowhere"], "nowhere/similarity.pt is missing"),
+        (["pack", "--out", "nowhere"], "nowhere/translation.pt is missing"),
+        (["polar", "--out", "o", "--start", "no.safetensors"], "--start no.safetensors is missing"),
+        (["polar", "--out", "o", "--start", "a", "--backbone", "b"], "leave --backbone out"),
         (["validate", "--weights", "no.safetensors", "--images", "."], "no.safetensors is missing"),
         ([], "required: COMMAND"),
     ],
@@ -258,6 +346,9 @@ def test_errors_take_one_line(
     assert error.count("\n") == 1
 
 
+FIGURE = {"translation": "translation px median", "polar": "rotation rad median", "residual": "corners px median"}
+
+
 def test_the_ablation_trains_each_variant_once_and_reports(
     data: Data, tmp_path: Path, shipped: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -267,18 +358,24 @@ def test_the_ablation_trains_each_variant_once_and_reports(
     def fake(component: str, data: Data, out: Path, *args: object, **options: object) -> dict[str, Figures]:
         trained.append((component, out.name, options["recipe"]))
         out.mkdir(parents=True)
-        state = {"network": getattr(network, component).state_dict(), "config": "compact", "step": 2, "seed": 0}
-        torch.save(state, out / f"{component}.pt")
-        return {look: {"corners px median": float(len(trained))} for look in ("clean", "hard")}
+        part = network.residual if component == "residual" else network.similarity
+        torch.save({"network": part.state_dict(), "config": "compact", "step": 2, "seed": 0}, out / f"{component}.pt")
+        return {look: {FIGURE[component]: float(len(trained))} for look in ("clean", "hard")}
 
     monkeypatch.setattr(ablation, "train", fake)
     settings = {"steps": 2, "batch": 3, "backbone": None, "device": CPU, "seed": 5}
     report = ablation.run(data, tmp_path, COMPACT, **settings)  # type: ignore[arg-type]
-    assert [name for _, name, _ in trained] == [*ablation.SIMILARITY, *ablation.RESIDUAL]
-    assert len({recipe for _, _, recipe in trained}) == 7
+    assert [name for _, name, _ in trained] == [*ablation.TRANSLATION, "full", *ablation.RESIDUAL]
+    assert len({recipe for _, _, recipe in trained}) == 7  # polar's is the full one of translation
     text = report.read_text()
     assert "2 steps of 3 pairs, seed 5" in text
-    assert text.count("| 8 | full |") == 2
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line[2:3].isdigit()]
+    assert [row[0] for row in rows] == [*"12345678"] * 2
+    values = {row[1]: [cell for cell in row[2:] if cell] for row in rows}  # of translation, polar and residual
+    assert values["similarity only"] == ["1", "4"]
+    assert values["residual only"] == ["5"]
+    assert values["without rotated labels"] == ["3", "4", "5"]
+    assert values["supervised"] == ["1", "4", "6"]
     assert (tmp_path / "without-rotated-labels.safetensors").exists()
     with pytest.raises(InputError, match="name some with --videos"):
         ablation.run(replace(data, clips=None), tmp_path, COMPACT, **settings)  # type: ignore[arg-type]
@@ -298,12 +395,12 @@ def test_a_residual_variant_has_the_losses_that_its_name_says(variant: str, data
     assert (parts["negative"] > 0) == (variant != "no-negatives")
 
 
-def test_similarity_variants_change_the_labels_and_the_negatives(data: Data, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(objectives, "frozen_features", lambda network, _: network.backbone)
+@pytest.mark.usefixtures("quick")
+def test_translation_variants_change_the_labels_and_the_negatives(data: Data) -> None:
     network = SimilarityNetwork(COMPACT)
     values = {}
-    for variant, changes in ablation.SIMILARITY.items():
-        objective = SimilarityObjective(network, replace(RECIPES["compact"], **changes), CPU)
+    for variant, changes in ablation.TRANSLATION.items():
+        objective = TranslationObjective(network, replace(RECIPES["compact"], **changes), CPU)
         torch.manual_seed(3)
         values[variant] = float(objective.losses(objective.sample(data.photos, None, 4))["classification"].detach())
     assert len(set(values.values())) == 3

@@ -1,4 +1,4 @@
-"""Training of HDN's two components, each on samples of its own; resumable and seeded. See docs/training.md."""
+"""Training of HDN's components, each by itself, on samples of its own; resumable and seeded. See docs/training.md."""
 
 from .cli import main
 

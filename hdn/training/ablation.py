@@ -14,11 +14,12 @@ from .packing import pack
 from .recipes import ALL, recipe_of
 
 # Fields of the recipe that differ from the full one.
-SIMILARITY: dict[str, dict[str, Any]] = {
+TRANSLATION: dict[str, dict[str, Any]] = {
     "full": {},
     "no-hard-negatives": {"hard_negatives": ALL},
     "upright-labels": {"rotated_labels": False},
 }
+POLAR: dict[str, dict[str, Any]] = {"full": {}}  # it has neither hard negatives nor labels that turn
 RESIDUAL: dict[str, dict[str, Any]] = {
     "full": {"triplet_images": 1.0},
     "supervised": {"clips": 0.0, "triplet_images": 0.0},
@@ -26,7 +27,7 @@ RESIDUAL: dict[str, dict[str, Any]] = {
     "no-negatives": {"triplet_images": 1.0, "negatives": 0.0, "negative": 0.0},
 }
 
-# Number in the paper's table, name, and the variants of both components.
+# Number in the paper's table, name, and the variants of translation, which polar goes with, and of residual.
 ROWS = [
     (1, "similarity only", "full", None),
     (2, "residual only", None, "full"),
@@ -62,7 +63,7 @@ def run(
     seed: int,
     validation_pairs: int = 512,
 ) -> Path:
-    """Trains each variant of both components once, or goes on with it, and writes `out`/ablation.md.
+    """Trains each variant of each component once, or goes on with it, and writes `out`/ablation.md.
 
     A row's weights are packed into `out`/NAME.safetensors, for tracking with them.
 
@@ -72,7 +73,7 @@ def run(
     if data.clips is None:
         raise InputError("the ablation compares training with and without clips: name some with --videos")
     figures: dict[tuple[str, str], dict[str, Row]] = {}
-    for component, variants in (("similarity", SIMILARITY), ("residual", RESIDUAL)):
+    for component, variants in (("translation", TRANSLATION), ("polar", POLAR), ("residual", RESIDUAL)):
         for name, changes in variants.items():
             print(f"{component}, {name}", flush=True)
             figures[component, name] = train(
@@ -91,15 +92,16 @@ def run(
     sections = []
     for look in ("clean", "hard"):
         lines = [["No.", "", *FIGURES], ["---"] * (len(FIGURES) + 2)]
-        for number, title, similarity, residual in ROWS:
-            known = dict(figures["similarity", similarity][look]) if similarity else {}
-            known |= figures["residual", residual][look] if residual else {}
+        for number, title, translation, residual in ROWS:
+            known = figures["translation", translation][look] | figures["polar", "full"][look] if translation else {}
+            known = known | figures["residual", residual][look] if residual else known
             lines.append([str(number), title, *(f"{known[f]:.4g}" if f in known else "" for f in FIGURES)])
         sections.append(f"## {look.capitalize()} pairs\n\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines))
-    for _, title, similarity, residual in ROWS:
-        if similarity and residual:
+    for _, title, translation, residual in ROWS:
+        if translation and residual:
             pack(
-                out / "similarity" / similarity / "similarity.pt",
+                out / "translation" / translation / "translation.pt",
+                out / "polar" / "full" / "polar.pt",
                 out / "residual" / residual / "residual.pt",
                 out / f"{title.replace(' ', '-')}.safetensors",
             )

@@ -16,11 +16,15 @@ def write_checkpoint(path: Path, state: dict[str, Any]) -> None:
     path.with_suffix(".tmp").replace(path)
 
 
-def read_checkpoint(path: Path, component: str, config: Config | None = None) -> dict[str, Any] | None:
+def read_checkpoint(
+    path: Path, component: str, config: Config | None = None, start: Path | None = None
+) -> dict[str, Any] | None:
     """The checkpoint of a component, and where given of a configuration; None where there is no such file.
 
+    Args: start: the weights that it must have begun with, if any are named.
+
     Raises:
-        InputError: it is damaged, or of another component or configuration.
+        InputError: it is damaged, of another component or configuration, or began with other weights.
     """
     if not path.exists():
         return None
@@ -34,5 +38,10 @@ def read_checkpoint(path: Path, component: str, config: Config | None = None) ->
         raise InputError(
             f"{path} is of the {found} component, configuration {configured}: "
             f"give another --out for the {component} component, configuration {wanted}"
+        )
+    if start is not None and state.get("start") != str(start):
+        raise InputError(
+            f"{path} began with {state.get('start') or 'new weights'}, not with {start}: "
+            f"leave --start out to go on from there, or give another --out"
         )
     return state

@@ -16,8 +16,9 @@ from ..synthesis import Photos
 from . import ablation
 from .checkpoint import read_checkpoint
 from .data import find_images, held_out
+from .initial import load_start
 from .loop import COMPONENTS, HELD_OUT_IN_MEMORY, Data, train
-from .objectives import ResidualObjective, SimilarityObjective
+from .objectives import PolarObjective, ResidualObjective, TranslationObjective
 from .packing import pack
 from .recipes import recipe_of
 from .validation import Figures, table, validate
@@ -46,14 +47,15 @@ def _parser() -> Parser:
     for component in COMPONENTS:
         command = commands.add_parser(component, help=f"train the {component} component", description="")
         _add_training(command)
+        command.add_argument("--start", type=Path, metavar="FILE", help="begin with the weights of this file")
         command.set_defaults(run=_train)
 
     command = commands.add_parser("ablation", help="train the rows of the paper's ablation table", description="")
     _add_training(command)
     command.set_defaults(run=_ablate)
 
-    command = commands.add_parser("pack", help="both components into one weights file", description="")
-    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of both checkpoints")
+    command = commands.add_parser("pack", help="the three components into one weights file", description="")
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the three checkpoints")
     command.set_defaults(run=_pack)
 
     command = commands.add_parser("validate", help="errors of weights on held-out images", description="")
@@ -115,20 +117,26 @@ def _backbone(options: argparse.Namespace) -> Path | None:
 def _train(options: argparse.Namespace) -> None:
     _check_budget(options)
     device, component = _machine(options), options.command
-    if options.videos and component == "similarity":
+    if options.start and options.backbone:
+        raise InputError("--start brings a backbone of its own: leave --backbone out")
+    if options.videos and component != "residual":
         logging.warning("clips teach the residual component alone: --videos are not read")
         options.videos = []
     config = weights.CONFIGS[options.config]
-    saved = read_checkpoint(options.out / f"{component}.pt", component, config)  # refused before all images are read
-    start = saved["step"] if saved else 0
+    # What cannot be used is refused before all images are read.
+    saved = read_checkpoint(options.out / f"{component}.pt", component, config, options.start)
+    if options.start and saved is None:
+        load_start(options.start, component, config)
+    done = saved["step"] if saved else 0
     train(
         component,
-        Data.open(options.images, options.videos, device, options.seed + start),
+        Data.open(options.images, options.videos, device, options.seed + done),
         options.out,
         config,
         steps=options.steps,
         batch=options.batch,
         backbone=_backbone(options),
+        start=options.start,
         device=device,
         seed=options.seed,
         validation_pairs=options.pairs,
@@ -153,7 +161,7 @@ def _ablate(options: argparse.Namespace) -> None:
 
 
 def _pack(options: argparse.Namespace) -> None:
-    path = pack(options.out / "similarity.pt", options.out / "residual.pt", options.out)
+    path = pack(options.out / "translation.pt", options.out / "polar.pt", options.out / "residual.pt", options.out)
     print(f"Written to {path}")
 
 
@@ -166,7 +174,8 @@ def _validate(options: argparse.Namespace) -> None:
     photos, recipe = Photos.read((kept or found)[:HELD_OUT_IN_MEMORY], device), recipe_of(network.config)
     columns: dict[str, Figures] = {}
     for objective in (
-        SimilarityObjective(network.similarity, recipe, device),
+        TranslationObjective(network.similarity, recipe, device),
+        PolarObjective(network.similarity, recipe, device),
         ResidualObjective(network.residual, recipe, device),
     ):
         for name, figures in validate(objective, photos, options.pairs).items():

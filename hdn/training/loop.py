@@ -1,7 +1,6 @@
 """The training loop of one component: resumable, seeded, with its progress, curves and validation."""
 
 import logging
-import math
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,14 +16,15 @@ from ..residual import ResidualNetwork
 from ..similarity import SimilarityNetwork
 from ..synthesis import Photos
 from . import curves
-from .backbones import load_backbone
 from .checkpoint import read_checkpoint, write_checkpoint
 from .data import Clips, Pool, find_clips, find_images, split
-from .objectives import Objective, ResidualObjective, SimilarityObjective
+from .initial import load_backbone, load_start
+from .objectives import Objective, PolarObjective, ResidualObjective, TranslationObjective
 from .recipes import Recipe, recipe_of
+from .replay import Replay
 from .validation import Figures, validate
 
-COMPONENTS = ("similarity", "residual")
+COMPONENTS = ("translation", "polar", "residual")
 REPORT, SAVE = 50, 500  # steps between lines of progress, and between checkpoints with validations
 HELD_OUT_IN_MEMORY = 1_000
 
@@ -66,24 +66,25 @@ def build(
     backbone: Path | None,
     state: dict[str, Tensor] | None = None,
 ) -> Objective:
-    """A network of one component, with what it is to be taught: new, on a given backbone, or with the weights `state`.
+    """A network, and what one component of it is to be taught: new, on a given backbone, or with the weights `state`.
 
     Raises:
         InputError: the backbone's weights cannot be used.
     """
-    if component == "similarity":
-        similarity = SimilarityNetwork(config)
+    if component == "residual":
+        residual = ResidualNetwork(config) if config.residual == "matching" else PaperResidual(config)
         if state is not None:
-            similarity.load_state_dict(state)
-        elif backbone is not None:
-            load_backbone(similarity, backbone)
-        else:
-            log.warning("the backbone keeps random weights, which no training mends: name some with --backbone")
-        return SimilarityObjective(similarity, recipe, device)
-    residual = ResidualNetwork(config) if config.residual == "matching" else PaperResidual(config)
+            residual.load_state_dict(state)
+        return ResidualObjective(residual, recipe, device)
+    similarity = SimilarityNetwork(config)
     if state is not None:
-        residual.load_state_dict(state)
-    return ResidualObjective(residual, recipe, device)
+        similarity.load_state_dict(state)
+    elif backbone is not None:
+        load_backbone(similarity, backbone)
+    else:
+        log.warning("the backbone keeps random weights, which no training mends: name some with --backbone")
+    objective = TranslationObjective if component == "translation" else PolarObjective
+    return objective(similarity, recipe, device)
 
 
 def train(
@@ -96,6 +97,7 @@ def train(
     steps: int | None = None,
     batch: int | None = None,
     backbone: Path | None = None,
+    start: Path | None = None,
     device: torch.device,
     seed: int = 0,
     validation_pairs: int = 512,
@@ -106,13 +108,14 @@ def train(
 
     Args:
         recipe, steps, batch: the configuration's own unless given.
-        backbone: weights of the similarity component's backbone.
+        backbone: weights of the backbone that translation and polar stand on.
+        start: a weights file to begin with instead, its backbone included; the schedule begins anew.
 
     Returns:
         The last validation's figures, by 'clean' and 'hard' pairs, and names.
 
     Raises:
-        InputError: the checkpoint there is of another configuration or component.
+        InputError: the checkpoint there is of another configuration, component or start, or weights cannot be used.
         RunError: the loss is no number any more.
     """
     recipe = recipe or recipe_of(config)
@@ -121,18 +124,24 @@ def train(
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
     checkpoint = out / f"{component}.pt"
-    saved = read_checkpoint(checkpoint, component, config)
-    objective = build(component, config, recipe, device, backbone, None if saved is None else saved["network"])
-    parameters = [p for p in objective.network.parameters() if p.requires_grad]
+    saved = read_checkpoint(checkpoint, component, config, start)
+    state = begun_with = None
+    if saved is not None:
+        state, begun_with = saved["network"], saved.get("start")
+    elif start is not None:
+        state, begun_with = load_start(start, component, config), str(start)
+        print(f"{component}: begins with the weights of {start}", flush=True)
+    objective = build(component, config, recipe, device, backbone, state)
+    parameters = list(objective.taught.parameters())
     optimizer = torch.optim.AdamW(parameters, weight_decay=recipe.weight_decay)
-    start = 0
+    done = 0
     history: list[curves.Row] = []
     validations: list[curves.Row] = []
     if saved is not None:
         optimizer.load_state_dict(saved["optimizer"])
-        start, history, validations = saved["step"], saved.get("losses", []), saved.get("validations", [])
-        torch.manual_seed(seed + start)
-        print(f"{component}: goes on from step {start} of {checkpoint}", flush=True)
+        done, history, validations = saved["step"], saved.get("losses", []), saved.get("validations", [])
+        torch.manual_seed(seed + done)
+        print(f"{component}: goes on from step {done} of {checkpoint}", flush=True)
     plots = True
 
     def validation(step: int) -> dict[str, Figures]:
@@ -148,6 +157,7 @@ def train(
             "optimizer": optimizer.state_dict(),
             "component": component,
             "config": config.name,
+            "start": begun_with,
             "recipe": asdict(recipe),
             "step": step,
             "seed": seed,
@@ -157,30 +167,32 @@ def train(
         }
         write_checkpoint(checkpoint, state)
 
-    if start >= steps:
+    if done >= steps:
         print(f"{component}: {steps} steps are done already; more with --steps", flush=True)
-        return validation(start)
-    objective.training(True)
+        return validation(done)
+    objective.taught.train()
     sums: dict[str, Tensor] = {}
     figures: dict[str, Figures] = {}
-    since, clock = start, time.perf_counter()
-    for step in range(start + 1, steps + 1):
+    since, clock = done, time.perf_counter()
+    samples = Replay(lambda: objective.sample(data.photos, data.clips, batch), objective.uses)
+    for step in range(done + 1, steps + 1):
         rate = recipe.rate(step - 1, steps)
         for group in optimizer.param_groups:
             group["lr"] = rate
-        parts = objective.losses(objective.sample(data.photos, data.clips, batch))  # type: ignore[arg-type]
+        parts = objective.losses(samples.next())  # type: ignore[arg-type]
         loss = torch.stack(list(parts.values())).sum()
         optimizer.zero_grad(set_to_none=True)
         loss.backward()
-        nn.utils.clip_grad_norm_(parameters, 5.0)
+        try:
+            nn.utils.clip_grad_norm_(parameters, 5.0, error_if_nonfinite=True)
+        except RuntimeError as error:
+            raise RunError(f"the loss is no number any more at step {step}: go on from the last checkpoint") from error
         optimizer.step()
         for name, value in {"loss": loss, **parts}.items():
             sums[name] = sums.get(name, torch.zeros_like(value)) + value.detach()
         last = step == steps
         if step % REPORT == 0 or last:
             means = {name: float(total) / (step - since) for name, total in sums.items()}
-            if math.isnan(means["loss"]):
-                raise RunError(f"the loss is no number any more at step {step}: go on from the last checkpoint")
             history.append({"step": step, "rate": rate, **means})
             curves.write_csv(history, out / f"{component}.csv")
             seconds = time.perf_counter() - clock

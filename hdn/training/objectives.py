@@ -5,20 +5,20 @@ from dataclasses import dataclass
 
 import torch
 import torch.nn.functional as F
-from torch import Tensor
+from torch import Tensor, nn
 
 from .. import losses
 from ..compilation import compiled, convert
-from ..homography import dlt
-from ..paper import PaperResidual, through
+from ..homography import dlt, project
+from ..paper import PaperResidual
 from ..polar import polar_crop, polar_points
 from ..residual import STRIDE, Matches, ResidualNetwork, geometry
 from ..similarity import SimilarityNetwork
 from ..synthesis import (
+    Motion,
     Photos,
     ResidualBatch,
     SimilarityBatch,
-    project,
     residual_batch,
     similarity_batch,
     unlabelled_batch,
@@ -27,7 +27,8 @@ from .data import Clips
 from .recipes import Recipe
 
 Losses = dict[str, Tensor]
-Features = Callable[[Tensor], tuple[Tensor, ...]]
+Maps = tuple[Tensor, ...]
+Features = Callable[[Tensor], Maps]
 Residual = ResidualNetwork | PaperResidual
 
 
@@ -50,36 +51,33 @@ def frozen_features(network: SimilarityNetwork, device: torch.device) -> Feature
 
 
 @dataclass
-class SimilarityOutputs:
-    """Score logits (B, 2, n, n) and offsets (B, 2, n, n), in cells, of both branches."""
+class BranchBatch:
+    """Pairs, by what is known of them and by what the backbone makes of the crops that a branch looks at."""
 
-    logits: Tensor
-    offsets: Tensor
-    polar_logits: Tensor
-    polar_offsets: Tensor  # of log-scale and rotation
+    motion: Motion
+    target: Tensor  # (B, 2) half width and half height of the target's box in the template, px
+    positive: Tensor  # (B,) bool
+    template: Maps
+    search: Maps
 
 
-class SimilarityObjective:
-    """L_s of the similarity component, whose backbone stays as it is."""
+class BranchObjective:
+    """What both branches of the similarity component share: samples, and a network that otherwise stays as it is.
 
-    name = "similarity"
+    The backbone and the other branch keep their weights and their batch statistics.
+    """
 
-    def __init__(self, network: SimilarityNetwork, recipe: Recipe, device: torch.device) -> None:
+    def __init__(self, network: SimilarityNetwork, branch: nn.Module, recipe: Recipe, device: torch.device) -> None:
         self.network, self.recipe, self.config = network.to(device), recipe, network.config
-        network.backbone.requires_grad_(False)
-        self.training(False)
+        network.eval().requires_grad_(False)
+        self.taught = branch.requires_grad_(True)
+        self.uses = recipe.uses
         self.features = frozen_features(network, device)
-        self.points = torch.from_numpy(polar_points(self.config)).to(device)
 
-    def training(self, mode: bool) -> None:
-        """Batch statistics on or off; the backbone's never change."""
-        self.network.train(mode)
-        self.network.backbone.eval()
-
-    def sample(self, photos: Photos, clips: Clips | None, batch: int) -> SimilarityBatch:
-        """Pairs of images; clips teach this component nothing, as in the paper."""
+    def sample(self, photos: Photos, clips: Clips | None, batch: int) -> BranchBatch:
+        """Pairs of images; clips teach these branches nothing, as in the paper."""
         config, recipe = self.config, self.recipe
-        return similarity_batch(
+        pairs = similarity_batch(
             photos,
             batch,
             config.template_size,
@@ -89,60 +87,97 @@ class SimilarityObjective:
             recipe.similarity_occluded,
             look=recipe.look,
         )
+        return self.encode(pairs, recipe.centre_jitter)
 
-    def outputs(self, batch: SimilarityBatch, jitter: float) -> SimilarityOutputs:
-        """Both branches on a batch, the log-polar crop taken about the true centre, give or take a jitter in px."""
-        network, shift = self.network, batch.motion.shift
-        centre = shift + torch.randn_like(shift) * jitter
-        polar = [
-            polar_crop(batch.template, torch.zeros_like(centre), self.points),
-            polar_crop(batch.search, centre, self.points),
-        ]
-        z = network.encode_template(self.features(batch.template))
-        x = network.encode_search(self.features(batch.search))
-        template_maps, search_maps = zip(*(m.chunk(2) for m in self.features(torch.cat(polar))), strict=True)
-        polar_logits, polar_offsets = network.polar(
-            network.encode_polar_template(template_maps), network.encode_polar_search(search_maps)
-        )
-        if polar_offsets.shape[1] == 4:  # of which the paper's head uses the first and the third
-            polar_offsets = polar_offsets[:, ::2]
-        logits, offsets = network.translation(z, x)
-        return SimilarityOutputs(logits, offsets, polar_logits, polar_offsets)
+    def encode(self, pairs: SimilarityBatch, jitter: float) -> BranchBatch:
+        """The backbone's maps of what the branch looks at.
 
-    def losses(self, batch: SimilarityBatch) -> Losses:
-        """The parts of L_s: L_cls, L_reg, L_cls2 and L_reg2, and the peak's cross-entropy where the recipe has it."""
-        config, recipe, motion = self.config, self.recipe, batch.motion
-        outputs = self.outputs(batch, recipe.centre_jitter)
+        Args: jitter: px that the search's log-polar crop is off the true centre, as standard deviation.
+        """
+        precision = torch.float16 if self.config.half else torch.float32  # batches are kept, to be used again
+        template, search = (tuple(m.to(precision) for m in self.features(crops)) for crops in self.crops(pairs, jitter))
+        return BranchBatch(pairs.motion, pairs.target, pairs.positive, template, search)
+
+    def crops(self, pairs: SimilarityBatch, jitter: float) -> tuple[Tensor, Tensor]:
+        """Template and search crops that the branch looks at."""
+        raise NotImplementedError
+
+
+class TranslationObjective(BranchObjective):
+    """L_cls and L_reg of the translation branch, and the peak's cross-entropy where the recipe has it."""
+
+    def __init__(self, network: SimilarityNetwork, recipe: Recipe, device: torch.device) -> None:
+        super().__init__(network, network.translation, recipe, device)
+
+    def crops(self, pairs: SimilarityBatch, jitter: float) -> tuple[Tensor, Tensor]:
+        """Those of the pairs themselves."""
+        return pairs.template, pairs.search
+
+    def outputs(self, batch: BranchBatch) -> tuple[Tensor, Tensor]:
+        """Score logits (B, 2, n, n) and offsets (B, 2, n, n), in cells."""
+        z = self.network.encode_template(single(batch.template))
+        x = self.network.encode_search(single(batch.search))
+        return self.network.translation(z, x)
+
+    def losses(self, batch: BranchBatch) -> Losses:
+        """The parts of the loss."""
+        stride, recipe, motion = self.config.stride, self.recipe, batch.motion
+        logits, offsets = self.outputs(batch)
         positive = batch.positive[:, None, None]
-
-        points = losses.grid_points(outputs.logits.shape[-1], config.stride, outputs.logits.device)
+        points = losses.grid_points(logits.shape[-1], stride, logits.device)
         rotation = motion.rotation if recipe.rotated_labels else torch.zeros_like(motion.rotation)
         label = losses.hamming_labels(points, motion.shift, motion.log_scale.exp(), rotation, batch.target) * positive
-        probability = outputs.logits.softmax(1)[:, 1]
+        probability = logits.softmax(1)[:, 1]
         parts = {"classification": losses.classification_loss(probability, label, top=recipe.hard_negatives)}
         if recipe.peak:
-            score = outputs.logits[:, 1] - outputs.logits[:, 0]
-            cell = (motion.shift - points[0, 0]) / config.stride
-            parts["peak"] = recipe.peak * losses.peak_loss(score, cell, batch.positive)
+            cell = (motion.shift - points[0, 0]) / stride
+            parts["peak"] = recipe.peak * losses.peak_loss(logits[:, 1] - logits[:, 0], cell, batch.positive)
         if recipe.offset_radius is None:
             near = label > 0.7
         else:
-            near = (points - motion.shift[:, None, None]).norm(dim=-1) < recipe.offset_radius * config.stride
-        parts["offset"] = losses.offset_loss(
-            outputs.offsets, points, motion.shift, near & positive, config.stride, recipe.offset_beta
-        )
-
-        truth = self.polar_truth(batch)
-        points = losses.grid_points(outputs.polar_logits.shape[-1], config.stride, outputs.logits.device)
-        label = torch.where(positive, losses.polar_labels(points, truth, config.stride), 0)
-        parts["polar classification"] = losses.polar_classification_loss(outputs.polar_logits, label)
-        near = ((points - truth[:, None, None]).norm(dim=-1) < 1.5 * config.stride) & positive
-        parts["polar offset"] = losses.offset_loss(
-            outputs.polar_offsets, points, truth, near, config.stride, recipe.offset_beta
-        )
+            near = (points - motion.shift[:, None, None]).norm(dim=-1) < recipe.offset_radius * stride
+        parts["offset"] = losses.offset_loss(offsets, points, motion.shift, near & positive, stride, recipe.offset_beta)
         return parts
 
-    def polar_truth(self, batch: SimilarityBatch) -> Tensor:
+
+class PolarObjective(BranchObjective):
+    """L_cls2 and L_reg2 of the log-polar branch."""
+
+    def __init__(self, network: SimilarityNetwork, recipe: Recipe, device: torch.device) -> None:
+        super().__init__(network, network.polar, recipe, device)
+        self.points = torch.from_numpy(polar_points(self.config)).to(device)
+
+    def crops(self, pairs: SimilarityBatch, jitter: float) -> tuple[Tensor, Tensor]:
+        """The log-polar ones, of the search about the true centre give or take the jitter."""
+        shift = pairs.motion.shift
+        return (
+            polar_crop(pairs.template, torch.zeros_like(shift), self.points),
+            polar_crop(pairs.search, shift + pairs.jitter * jitter, self.points),
+        )
+
+    def outputs(self, batch: BranchBatch) -> tuple[Tensor, Tensor]:
+        """Score logits (B, 2, n, n) and offsets (B, 2, n, n), in cells, of log-scale and rotation."""
+        z = self.network.encode_polar_template(single(batch.template))
+        x = self.network.encode_polar_search(single(batch.search))
+        logits, offsets = self.network.polar(z, x)
+        if offsets.shape[1] == 4:  # of which the paper's head uses the first and the third
+            offsets = offsets[:, ::2]
+        return logits, offsets
+
+    def losses(self, batch: BranchBatch) -> Losses:
+        """The parts of the loss."""
+        stride = self.config.stride
+        logits, offsets = self.outputs(batch)
+        positive, truth = batch.positive[:, None, None], self.truth(batch)
+        points = losses.grid_points(logits.shape[-1], stride, logits.device)
+        label = torch.where(positive, losses.polar_labels(points, truth, stride), 0)
+        near = ((points - truth[:, None, None]).norm(dim=-1) < 1.5 * stride) & positive
+        return {
+            "polar classification": losses.polar_classification_loss(logits, label),
+            "polar offset": losses.offset_loss(offsets, points, truth, near, stride, self.recipe.offset_beta),
+        }
+
+    def truth(self, batch: BranchBatch) -> Tensor:
         """Shift (B, 2) of the log-polar crop, px: log-scale along x, rotation along y."""
         config, motion = self.config, batch.motion
         return torch.stack(
@@ -153,14 +188,10 @@ class SimilarityObjective:
 class ResidualObjective:
     """L_Lambda of the residual component, with what either network needs besides."""
 
-    name = "residual"
-
     def __init__(self, network: Residual, recipe: Recipe, device: torch.device) -> None:
         self.network, self.recipe = network.to(device), recipe
-
-    def training(self, mode: bool) -> None:
-        """Batch statistics on or off."""
-        self.network.train(mode)
+        self.taught: nn.Module = self.network
+        self.uses = 1  # all of the network is trained: what a sample keeps is its pixels, which are cheap
 
     def sample(self, photos: Photos, clips: Clips | None, batch: int) -> ResidualBatch:
         """Pairs of images with known offsets, and a share of pairs of frames without."""
@@ -191,7 +222,7 @@ class ResidualObjective:
         template, search = network.prepare(batch.template), network.prepare(batch.search)
         offsets, embedded_template, embedded_search = network(template, search)
         corners = offsets.new_tensor([[0, 0], [0, size], [size, size], [size, 0]]) - (size - 1) / 2
-        truth = through(torch.linalg.inv(dlt(batch.offsets, outline(size, offsets))), corners[None]) - corners
+        truth = project(torch.linalg.inv(dlt(batch.offsets, outline(size, offsets))), corners) - corners
         to_template = dlt(bounded(offsets, size), corners)
         warped = network.extractor(losses.warp(template, to_template))
         parts = self._common(batch, offsets, truth, batch.positive)
@@ -249,7 +280,12 @@ class ResidualObjective:
         return parts
 
 
-Objective = SimilarityObjective | ResidualObjective
+Objective = TranslationObjective | PolarObjective | ResidualObjective
+
+
+def single(maps: Maps) -> Maps:
+    """Maps in single precision."""
+    return tuple(m.float() for m in maps)
 
 
 def outline(size: int, like: Tensor) -> Tensor:

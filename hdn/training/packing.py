@@ -1,13 +1,16 @@
-"""Checkpoints of both components to one weights file."""
+"""Checkpoints of the three components to one weights file."""
 
 from pathlib import Path
+from typing import Any
+
+import torch
 
 from .. import weights
 from ..errors import InputError
 from .checkpoint import read_checkpoint
 
 
-def pack(similarity: Path, residual: Path, path: Path) -> Path:
+def pack(translation: Path, polar: Path, residual: Path, path: Path) -> Path:
     """Writes a weights file that names its configuration, and how each component was trained.
 
     Args: path: the file, or a folder, in which it is hdn_CONFIG.safetensors.
@@ -16,22 +19,38 @@ def pack(similarity: Path, residual: Path, path: Path) -> Path:
         The file written.
 
     Raises:
-        InputError: a checkpoint is missing or damaged, or they are of different configurations.
+        InputError: a checkpoint is missing or damaged, or they are of different configurations or backbones.
     """
-    network, notes, config = None, {}, ""
-    for component, checkpoint in (("similarity", similarity), ("residual", residual)):
-        state = read_checkpoint(checkpoint, component)
-        if state is None:
-            raise InputError(f"{checkpoint} is missing: run hdn-train {component} --out {checkpoint.parent} first")
-        if network is None:
-            config = state["config"]
-            network = weights.Hdn(weights.CONFIGS[config])
-        elif state["config"] != config:
-            raise InputError(f"{checkpoint} is of configuration {state['config']}, {similarity} of {config}")
-        getattr(network, component).load_state_dict(state["network"])
-        notes[component] = f"{state['step']} steps, seed {state['seed']}"
-    assert network is not None
+    parts = {"translation": translation, "polar": polar, "residual": residual}
+    states = {component: _read(checkpoint, component) for component, checkpoint in parts.items()}
+    config = states["translation"]["config"]
+    for component, state in states.items():
+        if state["config"] != config:
+            raise InputError(f"{parts[component]} is of configuration {state['config']}, {translation} of {config}")
+    similarity, other = states["translation"]["network"], states["polar"]["network"]
+    for name, value in similarity.items():
+        # As much as half precision, in which they are kept, makes no other backbone.
+        if name.startswith("backbone.") and not torch.allclose(value, other[name], rtol=1e-3, atol=1e-6):
+            raise InputError(
+                f"{polar} stands on another backbone than {translation}: train both with the same --backbone or --start"
+            )
+    network = weights.Hdn(weights.CONFIGS[config])
+    network.similarity.load_state_dict({n: (other if n.startswith("polar.") else similarity)[n] for n in similarity})
+    network.residual.load_state_dict(states["residual"]["network"])
     if path.is_dir():
         path = path / f"hdn_{config}.safetensors"
-    weights.save(network, path, notes)
+    weights.save(network, path, {component: _history(state) for component, state in states.items()})
     return path
+
+
+def _read(checkpoint: Path, component: str) -> dict[str, Any]:
+    state = read_checkpoint(checkpoint, component)
+    if state is None:
+        raise InputError(f"{checkpoint} is missing: run hdn-train {component} --out {checkpoint.parent} first")
+    return state
+
+
+def _history(state: dict[str, Any]) -> str:
+    """How a component was trained, in a few words."""
+    start = state.get("start")
+    return f"{state['step']} steps, seed {state['seed']}" + (f", begun with {Path(start).name}" if start else "")

@@ -24,6 +24,7 @@ class Recipe:
     # Samples
     look: Look = USUAL_AND_COMPRESSED
     negatives: float = 0.2  # share of pairs that show two different objects
+    uses: int = 3  # of each pair of both branches, whose backbone maps are dearer than the rest of a step
     similarity_occluded: float = 0.3
     residual_occluded: float = 0.4
     reach: float = 16.0  # px that corners are off in the residual component's pairs
@@ -31,7 +32,7 @@ class Recipe:
     gap: int = 5  # frames between the two of such a pair, at most
     centre_jitter: float = 3.0  # px that the log-polar crop's centre is off, as the translation's estimate is
 
-    # Similarity component
+    # Translation and log-polar branch
     hard_negatives: int = 100  # K of L_cls: of each map's negatives, the most probable count
     rotated_labels: bool = True
     peak: float = 1.0  # cross-entropy of where the peak is
@@ -65,6 +66,7 @@ RECIPES = {
         batch=128,
         decay="exponential",
         weight_decay=0.0,
+        uses=1,
         peak=0.0,
         offset_radius=None,
         offset_beta=1.0,

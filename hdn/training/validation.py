@@ -6,11 +6,22 @@ from contextlib import contextmanager
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from .. import losses
+from ..homography import dlt, project
+from ..proposal import FAR
 from ..synthesis import Look, Photos, residual_batch, similarity_batch
-from .objectives import Objective, ResidualObjective, SimilarityObjective
+from .objectives import (
+    BranchBatch,
+    BranchObjective,
+    Objective,
+    PolarObjective,
+    ResidualObjective,
+    TranslationObjective,
+    bounded,
+    outline,
+)
 
 # Clean pairs differ in light and noise alone; of the hard ones, half each are blurred, dark, of low resolution.
 LOOKS = {
@@ -25,60 +36,82 @@ Figures = dict[str, float]
 
 def validate(objective: Objective, photos: Photos, pairs: int) -> dict[str, Figures]:
     """Figures by name, of clean and of hard pairs, so many of each."""
-    figures = similarity_figures if isinstance(objective, SimilarityObjective) else residual_figures
-    with _evaluating(objective):
-        return {name: figures(objective, photos, pairs, look) for name, look in LOOKS.items()}  # type: ignore[arg-type]
+
+    def figures(look: Look) -> Figures:
+        if isinstance(objective, TranslationObjective):
+            return translation_figures(objective, photos, pairs, look)
+        if isinstance(objective, PolarObjective):
+            return polar_figures(objective, photos, pairs, look)
+        return residual_figures(objective, photos, pairs, look)
+
+    with _evaluating(objective.taught):
+        return {name: figures(look) for name, look in LOOKS.items()}
 
 
 @contextmanager
-def _evaluating(objective: Objective) -> Iterator[None]:
+def _evaluating(taught: nn.Module) -> Iterator[None]:
     """Evaluation mode without gradients, the training's chance left as it was."""
-    training = objective.network.training
-    objective.training(False)
+    training = taught.training
+    taught.eval()
     try:
         with torch.no_grad(), torch.random.fork_rng():
             yield
     finally:
-        objective.training(training)
+        taught.train(training)
 
 
-def similarity_figures(objective: SimilarityObjective, photos: Photos, pairs: int, look: Look) -> Figures:
-    """Errors of translation, log-scale and rotation, and the area under the ROC of both branches' scores."""
-    config = objective.config
+def translation_figures(objective: TranslationObjective, photos: Photos, pairs: int, look: Look) -> Figures:
+    """Errors of the translation in px of the search crop, and the area under the ROC of its score."""
     columns: list[tuple[Tensor, ...]] = []
-    for size in _batches(pairs):
-        batch = similarity_batch(
-            photos, size, config.template_size, config.search_size, config.context, occluded=0, gentle=0, look=look
-        )
-        outputs = objective.outputs(batch, jitter=0)
-        shift, score = decode(outputs.logits, outputs.offsets, config.stride)
-        polar, polar_score = decode(outputs.polar_logits, outputs.polar_offsets, config.stride)
-        off = (polar - objective.polar_truth(batch)).abs()
-        error = (shift - batch.motion.shift).norm(dim=1)
-        columns.append((error, off[:, 0], off[:, 1], score, polar_score, batch.positive))
-    error, log_scale, rotation, score, polar_score, positive = _joined(columns)
+    for batch in _branch_batches(objective, photos, pairs, look):
+        shift, score = decode(*objective.outputs(batch), objective.config.stride)
+        columns.append(((shift - batch.motion.shift).norm(dim=1), score, batch.positive))
+    error, score, positive = _joined(columns)
     return {
         **percentiles("translation px", error[positive]),
+        "score AUC": roc_area(score[positive], score[~positive]),
+    }
+
+
+def polar_figures(objective: PolarObjective, photos: Photos, pairs: int, look: Look) -> Figures:
+    """Errors of log-scale and rotation about the true centre, and the area under the ROC of the branch's score."""
+    config = objective.config
+    columns: list[tuple[Tensor, ...]] = []
+    for batch in _branch_batches(objective, photos, pairs, look):
+        shift, score = decode(*objective.outputs(batch), config.stride)
+        columns.append((*(shift - objective.truth(batch)).abs().unbind(1), score, batch.positive))
+    log_scale, rotation, score, positive = _joined(columns)
+    return {
         **percentiles("log-scale", log_scale[positive] * config.log_scale_per_pixel),
         **percentiles("rotation rad", rotation[positive] * config.radians_per_pixel),
-        "score AUC": roc_area(score[positive], score[~positive]),
-        "log-polar score AUC": roc_area(polar_score[positive], polar_score[~positive]),
+        "log-polar score AUC": roc_area(score[positive], score[~positive]),
     }
 
 
 def residual_figures(objective: ResidualObjective, photos: Photos, pairs: int, look: Look) -> Figures:
-    """Mean corner errors for offsets up to 12 px, those that negatives are given, and the AUC of what is seen."""
+    """Mean corner errors for offsets up to 12 px, those that negatives are given, and the AUC of what is seen.
+
+    "corners" are those after a second look where the tracker would take one (`Proposer`), "first look" those before.
+    """
     network: Any = objective.network
     columns: list[tuple[Tensor, ...]] = []
     for size in _batches(pairs):
         batch = residual_batch(photos, size, network.size, reach=12, occluded=0, gentle=0, look=look)
-        offsets, visible = network.conclude(*network.compare(network.describe(batch.template), batch.search))
-        distance = (offsets - batch.offsets).norm(dim=2).mean(1)  # of negatives: to where the corners were
-        columns.append((distance, visible.flatten(1).mean(1), batch.positive))
-    distance, visible, positive = _joined(columns)
+        template = network.describe(batch.template)
+        offsets, visible = network.conclude(*network.compare(template, batch.search))
+        corners = outline(network.size, offsets)
+        to_search = dlt(bounded(offsets, network.size), corners)
+        more, _ = network.conclude(*network.compare(template, losses.warp(batch.search, to_search)))
+        far = offsets.norm(dim=2).mean(1) > FAR
+        settled = torch.where(far[:, None, None], project(to_search, corners + more) - corners, offsets)
+        # Of negatives: to where the corners were.
+        first, last = ((o - batch.offsets).norm(dim=2).mean(1) for o in (offsets, settled))
+        columns.append((first, last, visible.flatten(1).mean(1), batch.positive))
+    first, last, visible, positive = _joined(columns)
     return {
-        **percentiles("corners px", distance[positive]),
-        **percentiles("negatives px", distance[~positive]),
+        **percentiles("corners px", last[positive]),
+        **percentiles("first look px", first[positive]),
+        **percentiles("negatives px", last[~positive]),
         "visible AUC": roc_area(visible[positive], visible[~positive]),
     }
 
@@ -111,6 +144,15 @@ def table(columns: dict[str, Figures]) -> str:
     names = next(iter(columns.values()))
     rows += [[name, *(f"{figures[name]:.4g}" for figures in columns.values())] for name in names]
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _branch_batches(objective: BranchObjective, photos: Photos, pairs: int, look: Look) -> Iterator[BranchBatch]:
+    """The pairs of both branches, the same ones for either."""
+    config = objective.config
+    sizes = config.template_size, config.search_size
+    for size in _batches(pairs):
+        batch = similarity_batch(photos, size, *sizes, config.context, occluded=0, gentle=0, look=look)
+        yield objective.encode(batch, jitter=0)
 
 
 def _batches(pairs: int) -> Iterator[int]:

@@ -1,14 +1,16 @@
-"""ImageNet weights for the backbones, which are not trained here."""
+"""Weights that a training begins with: of the backbone, which is not trained here, or of the whole component."""
 
 import pickle
 from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.functional import pad
 
+from .. import weights
 from ..backbone import Backbone
+from ..config import Config
 from ..errors import InputError
 from ..similarity import SimilarityNetwork
 
@@ -43,6 +45,24 @@ def load_backbone(network: SimilarityNetwork, path: Path) -> None:
     except FAILURES as error:
         reason = str(error).split("\n")[0]
         raise InputError(f"{path} does not fit the backbone {needed} ({reason}): name weights of that one") from error
+
+
+def load_start(path: Path, component: str, config: Config) -> dict[str, Tensor]:
+    """What a weights file of ours holds of the network that a component is part of, its backbone included.
+
+    Raises:
+        InputError: the file is missing, damaged, or of another configuration.
+    """
+    if not path.is_file():
+        raise InputError(f"--start {path} is missing: name an existing weights file")
+    network = weights.load(path)
+    if network.config != config:
+        raise InputError(
+            f"--start {path} is of configuration {network.config.name}: name weights of {config.name}, "
+            f"or train with --config {network.config.name}"
+        )
+    part: nn.Module = network.residual if component == "residual" else network.similarity
+    return part.state_dict()
 
 
 def adapted(theirs: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -1,0 +1,25 @@
+"""Training samples, synthesised in batches on the training device.
+
+A sample shows a planar target twice: as the template and, moved by a known homography, as the search crop, with light,
+blur, noise, occluders and frame borders of its own. Everything is a tensor; nothing loops over samples.
+"""
+
+from .batches import ResidualBatch, SimilarityBatch, residual_batch, similarity_batch, unlabelled_batch
+from .looks import Look
+from .photos import SIDE, Photos, read_photo, squared
+from .views import Motion, decomposition
+
+__all__ = [
+    "SIDE",
+    "Look",
+    "Motion",
+    "Photos",
+    "ResidualBatch",
+    "SimilarityBatch",
+    "decomposition",
+    "read_photo",
+    "residual_batch",
+    "similarity_batch",
+    "squared",
+    "unlabelled_batch",
+]
