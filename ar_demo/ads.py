@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import Literal
 
 import av
@@ -19,6 +18,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 from hdn.errors import InputError
 
 from . import color
+from .closing import Closing
 from .decode import Clock, decode, frame_rate, has_alpha, open_video, picture_duration
 
 log = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ _IMAGE_FORMATS = ("PNG", "JPEG", "MPO", "WEBP", "GIF", "BMP", "TIFF", "PPM", "AV
 _DEFAULT_STEP = Fraction(1, 10)  # an animated image's frame of no stated duration, as browsers show it
 
 
-class Ad:
+class Ad(Closing):
     """An opened ad.
 
     width, height: pixels. duration: seconds, None for a still. playback: what comes after the end: "loop" begins
@@ -55,14 +55,6 @@ class Ad:
         self._shown: Picture | None = None  # the current frame's picture, once it has been asked for
         self._time, self._convert = self._restart()
         self.height, self.width = self._picture().shape[:2]
-
-    def __enter__(self) -> Ad:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Closes the file."""

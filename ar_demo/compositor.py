@@ -1,11 +1,11 @@
 """Lay an ad onto a quad of a frame: the interface, the choice of backend, and how an ad is fitted to a surface."""
 
 import logging
-from types import TracebackType
-from typing import Literal, Protocol, Self
+from typing import Literal, Protocol
 
 import numpy as np
 
+from ar_demo.closing import Closing
 from ar_demo.compositor_cv import CvCompositor
 from ar_demo.compositor_gl import GlCompositor, open_egl, open_osmesa
 from ar_demo.placement import WHOLE, Floats, Image, Region, is_drawable, unit_to_quad
@@ -20,7 +20,7 @@ COMMON_FOCAL = 0.9  # 58 degrees, a phone's main camera
 BACKENDS = ("auto", "egl", "osmesa", "opencv")
 
 
-class Compositor(Protocol):
+class Compositor(Closing, Protocol):
     """Draws ads into frames. One object serves one thread at a time; close it when done (it is a context manager)."""
 
     description: str
@@ -50,14 +50,6 @@ class Compositor(Protocol):
         Raises:
             InputError: an array, the region or a number is not as described.
         """
-
-    def close(self) -> None: ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
 
 
 def open_compositor(backend: str = "auto") -> Compositor:

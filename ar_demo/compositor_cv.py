@@ -3,13 +3,11 @@
 Everything on the way has four channels of 8 bits, for which OpenCV's warps and products are fastest.
 """
 
-from types import TracebackType
-from typing import Self
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ar_demo.closing import Closing
 from ar_demo.placement import WHOLE, Floats, Image, Placement, Pyramid, Region, Sampling, check_frame, place
 
 TILE = (256, 128)  # width, height: fits the cache, and spans few pyramid levels
@@ -18,7 +16,7 @@ FULL = np.ones((1, 1), np.float32)  # the coverage of a tile that the ad fills
 MAX_AD_SIDE = 16384  # cv2.warpPerspective takes sources below 32768
 
 
-class CvCompositor:
+class CvCompositor(Closing):
     """See `Compositor`."""
 
     def __init__(self) -> None:
@@ -59,14 +57,6 @@ class CvCompositor:
     def close(self) -> None:
         """Let go of the ad; calling again does nothing."""
         self._pyramid = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 Tile = tuple[int, int, int, int]  # x0, y0, x1, y1 in the frame, ends exclusive

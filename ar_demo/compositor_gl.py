@@ -1,12 +1,12 @@
 """Composite with OpenGL 3.3, off screen: on a GPU through EGL, or in software through EGL or OSMesa."""
 
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import cv2
 import moderngl
 import numpy as np
 
+from ar_demo.closing import Closing
 from ar_demo.osmesa import OSMesaContext
 from ar_demo.placement import WHOLE, Floats, Image, Placement, Pyramid, Region, check_frame, place
 from hdn.errors import RunError
@@ -94,7 +94,7 @@ def _open(kind: str, packages: str, **settings: Any) -> tuple[moderngl.Context, 
         raise RunError(f"{kind} gives no OpenGL 3.3 ({reason}): install {packages}") from error
 
 
-class GlCompositor:
+class GlCompositor(Closing):
     """See `Compositor`. Takes over the context and releases it when closed.
 
     Raises:
@@ -148,14 +148,6 @@ class GlCompositor:
         """Release the context and all that lives in it; calling again does nothing."""
         self._pyramid = None
         self.context.release()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _upload_ad(self, pyramid: Pyramid, levels: tuple[float, float]) -> None:
         """Bring the levels that this draw reads, and the texture has not yet, to the texture."""

@@ -2,8 +2,6 @@
 
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
@@ -12,6 +10,7 @@ from hdn.homography import Array
 from hdn.sampling import Image
 
 from .ads import Ad, open_ad
+from .closing import Closing
 from .compositor import WHOLE, fit_region, open_compositor, quad_aspect
 from .effects import draw_outline, texture
 from .options import Backend, Placing
@@ -19,7 +18,7 @@ from .options import Backend, Placing
 NO_AD = "no ad is given: name a video or image, or choose --effect mosaic, blur or outline"
 
 
-class Painter:
+class Painter(Closing):
     """Draws what belongs on a surface; a context manager that holds the ad's file and a compositor."""
 
     def __init__(
@@ -70,14 +69,6 @@ class Painter:
         if self._ad is not None:
             self._ad.close()
         self._compositor.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def check_ad(ad: Path | str | None, placing: Placing) -> None:

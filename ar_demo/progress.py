@@ -3,9 +3,10 @@
 import sys
 from collections.abc import Callable
 from itertools import count
-from types import TracebackType
 
 from tqdm import tqdm
+
+from .closing import Closing
 
 # Called after each frame with what is being done, frames done, frames in all if known, and the frame's state.
 Progress = Callable[[str, int, int | None, str], None]
@@ -21,7 +22,12 @@ def counted(progress: Progress, stage: str, done: int, total: int | None) -> Cal
     return lambda state: progress(stage, next(numbers), total, state)
 
 
-class Bar:
+def renamed(progress: Progress, prefix: str) -> Progress:
+    """The same callback, with a prefix to the names of the stages."""
+    return lambda stage, done, total, state: progress(prefix + stage, done, total, state)
+
+
+class Bar(Closing):
     """Called as a `Progress`; one bar per stage, with frames per second. Nothing where stderr is no terminal."""
 
     def __init__(self, quiet: bool) -> None:
@@ -42,11 +48,3 @@ class Bar:
         if self.bar is not None:
             self.bar.close()
             self.bar = None
-
-    def __enter__(self) -> "Bar":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from hdn.homography import Array, area
 from hdn.tracker import Estimate, State
 
-from .trackfile import Source, Track
+from .trackfile import STATES, Source, Track
 
 SETTLE = 30  # frames over which a correction fades where no other known pose follows
 AGREE = 0.03  # of the target's size, up to which two ways to a frame agree
+UNCERTAIN = 0.01  # of the target's size: a deviation that a good view stays below
+FEW = 0.05  # share of the frames that may be uncertain
+SURER = 0.5  # ratio of deviations, below which a pose replaces another; at less gain, changing over would do more harm
 UNKNOWN: Array = np.full((4, 2), np.nan)
 
 
@@ -126,6 +129,21 @@ def lay(track: Track, run: Run) -> None:
         elif states[k] == "held" and track.states[i] == "lost" and not run.fills:
             blend(track, i, corners[k], confidence[k], deviation[k], 1.0)
             track.states[i] = "held"
+
+
+def join(track: Track, other: Track) -> None:
+    """Puts another track of the same frames into one, where it knows more, or the same much more certainly."""
+    for i, (ours, theirs) in enumerate(zip(track.states, other.states, strict=True)):
+        better = STATES.index(theirs) < STATES.index(ours)
+        if better or (theirs == ours != "lost" and other.deviation[i] < SURER * track.deviation[i]):
+            blend(track, i, other.corners[i], other.confidence[i], other.deviation[i], 1.0)
+            track.states[i] = theirs
+
+
+def is_uncertain(track: Track) -> bool:
+    """Whether more than a few frames are not tracked, or less surely than a good view of the target allows."""
+    size = np.sqrt([abs(area(corners)) for corners in track.corners])
+    return bool((~_tracked(track.states) | (track.deviation > UNCERTAIN * size)).mean() > FEW)
 
 
 def blend(track: Track, i: int, corners: Array, confidence: float, deviation: float, weight: float) -> None:

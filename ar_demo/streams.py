@@ -20,13 +20,14 @@ from hdn.errors import InputError, RunError
 from hdn.sampling import Image
 
 from . import color
+from .closing import Closing
 from .decode import Clock, decode, frame_rate, open_video
 from .video import Frame
 
 TIMEOUT = 10.0  # seconds without an answer after which a network source counts as gone
 
 
-class Stream:
+class Stream(Closing):
     """A camera, a network stream, or a file played as one. A context manager.
 
     A thread decodes and keeps the newest frame ready: what is not fetched before the next one comes is dropped, so that
@@ -88,14 +89,6 @@ class Stream:
             self._newest = None
             self._frames.close()  # before what it decodes from goes
             self._container.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _read(self) -> None:
         """In the thread: decodes, waits for a file's pace, and puts each frame where the last one was."""

@@ -1,7 +1,9 @@
 """Tracking of surfaces through a video: forward and backward between the frames where their corners are given."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 
@@ -9,13 +11,15 @@ import numpy as np
 
 from hdn import Observation, Tracker
 from hdn.errors import InputError
+from hdn.homography import Array
+from hdn.learning import Views
 
 from .locating import find, keyframes_of, timed, until_end
 from .options import Options, Placing
-from .progress import Progress, counted, silent
-from .spans import Run, backward_runs, blank, bridge, forward_runs, gap_runs, lay
+from .progress import Progress, counted, renamed, silent
+from .spans import Run, backward_runs, blank, bridge, forward_runs, gap_runs, is_uncertain, join, lay
 from .trackfile import Source, Track
-from .video import VideoReader
+from .video import Frame, VideoReader
 from .walking import Walker, clusters, walk
 
 log = logging.getLogger(__name__)
@@ -43,38 +47,113 @@ def track_surfaces(
     if len(quads) < len(surfaces):
         raise InputError("tracking needs the surface's corners in the reference frame: give --quad or --track")
     with VideoReader(input) as reader:
-        info = reader.info
         frames = until_end(reader.frames(), options.end)
         times, references, frame = find(input, frames, surfaces, progress)
         starts = [reference.index for reference in references]
         keyframes = [keyframes_of(s, q, start, times) for s, q, start in zip(surfaces, quads, starts, strict=True)]
         trackers = load_trackers(options, len(surfaces))
         seen = {reference.index: Observation(reference.image) for reference in references}
-        for tracker, quad, start in zip(trackers, quads, starts, strict=True):
+        targets = []
+        for tracker, quad, start, corners in zip(trackers, quads, starts, keyframes, strict=True):
             tracker.init(seen[start], quad)
+            targets.append(Target(tracker, start, quad, corners, Views(seen[start], quad)))
         del references, seen
 
-        known = [{start: quad, **k} for start, quad, k in zip(starts, quads, keyframes, strict=True)]
-        first = min(min(poses) for poses in known)
-        if first < frame.index:
-            frames = until_end(reader.frames(first), options.end, times[0])
+        if earliest(targets) < frame.index:
+            frames = until_end(reader.frames(earliest(targets)), options.end, times[0])
             frame = next(frames)
-        forward = [Walker(tracker, forward_runs(poses)) for tracker, poses in zip(trackers, known, strict=True)]
-        cuts: set[int] = set()
-        walk(timed(chain([frame], frames), times), forward, cuts, counted(progress, "track", first, info.frames))
-
-        source = Source(str(input), info.width, info.height, info.rate, len(times))
-        tracks = []
-        for start, corners, poses, walker in zip(starts, keyframes, known, forward, strict=True):
-            new = blank(source, start, poses[start], times, corners)
-            for run in walker.runs:
-                lay(new, run)
-            tracks.append(new)
-        look_back(reader, forward, tracks, [backward_runs(poses) for poses in known], cuts, progress)
+        tracks = both_ways(reader, str(input), chain([frame], frames), targets, times, progress)
+        learn(reader, targets, tracks, options, progress)
         for new in tracks:
             bridge(new, range(len(new)))
             new.warnings = list(reader.warnings)
         return tracks
+
+
+@dataclass
+class Target:
+    """What is tracked on one way through the video, and from where.
+
+    Attributes:
+        tracker: it has its target; start, quad: a frame's index and the corners (4, 2) in it.
+        keyframes: corners known in other frames.
+        views: where the target's good views are kept, None where nothing is to be learnt from them.
+    """
+
+    tracker: Tracker
+    start: int
+    quad: Array
+    keyframes: dict[int, Array]
+    views: Views | None = None
+
+    @property
+    def known(self) -> dict[int, Array]:
+        return {self.start: self.quad, **self.keyframes}
+
+
+def earliest(targets: Sequence[Target]) -> int:
+    """Index of the first frame with a known pose."""
+    return min(min(target.known) for target in targets)
+
+
+def both_ways(
+    reader: VideoReader,
+    path: str,
+    frames: Iterator[Frame],
+    targets: Sequence[Target],
+    times: list[Fraction],
+    progress: Progress,
+) -> list[Track]:
+    """Tracks forward and backward from the known poses, and fills the gaps from both of their ends.
+
+    Args:
+        path: of the video, as the tracks shall name it.
+        frames: from the earliest with a known pose on.
+        times: of the frames read so far; is added to.
+    """
+    info, first = reader.info, earliest(targets)
+    forward = [Walker(target.tracker, forward_runs(target.known), target.views) for target in targets]
+    cuts: set[int] = set()
+    walk(timed(frames, times), forward, cuts, counted(progress, "track", first, info.frames))
+
+    source = Source(path, info.width, info.height, info.rate, len(times))
+    tracks = []
+    for target, walker in zip(targets, forward, strict=True):
+        new = blank(source, target.start, target.quad, times, target.keyframes)
+        for run in walker.runs:
+            lay(new, run)
+        tracks.append(new)
+    look_back(reader, forward, tracks, [backward_runs(target.known) for target in targets], cuts, progress)
+    return tracks
+
+
+def learn(
+    reader: VideoReader, targets: Sequence[Target], tracks: Sequence[Track], options: Options, progress: Progress
+) -> None:
+    """Tracks again what is uncertain and was seen more clearly later than at first, with a template made of that.
+
+    It goes from the frame that shows the target best; a pose that is more certain then replaces the one there.
+    """
+    again: list[Target] = []
+    old: list[Track] = []
+    for target, track in zip(targets, tracks, strict=True):
+        learnt = target.views.learn() if target.views is not None and is_uncertain(track) else None
+        if learnt is not None:
+            tracker = Tracker(engine=target.tracker.engine)
+            tracker.init(learnt.image, learnt.quad)
+            again.append(Target(tracker, learnt.index, learnt.corners, target.keyframes))
+            old.append(track)
+    if again:
+        log.info("tracking again, with a template of what was seen more clearly after the reference frame")
+        times = tracks[0].times
+        frames = until_end(reader.frames(earliest(again)), options.end, times[0])
+        new = both_ways(reader, tracks[0].source.path, frames, again, times, renamed(progress, "again: "))
+        for track, other, target in zip(old, new, again, strict=True):
+            # The pose it began with was measured as well, and as surely as the one beside it.
+            beside = target.start + (1 if target.start + 1 < len(track) else -1)
+            for values in (other.confidence, other.deviation):
+                values[target.start] = values[beside]
+            join(track, other)
 
 
 def load_trackers(options: Options, count: int) -> list[Tracker]:
@@ -96,7 +175,7 @@ def look_back(
     for walker, track, runs in zip(forward, tracks, back, strict=True):
         if walker.runs and walker.runs[-1].stop is None:
             runs += gap_runs(track, max(track.given), len(track) - 1, backward=True)
-    walkers = [Walker(walker.tracker, runs) for walker, runs in zip(forward, back, strict=True)]
+    walkers = [Walker(walker.tracker, runs, walker.views) for walker, runs in zip(forward, back, strict=True)]
     stretches = clusters(chain.from_iterable(back))
     show = counted(progress, "track back", 0, sum(high + 1 - low for low, high in stretches))
     for low, high in stretches:
@@ -109,7 +188,7 @@ def look_back(
         gaps.append(gap_runs(track, 0, min(track.given), backward=False) if to_beginning else [])
     if stops := [run.stop or 0 for runs in gaps for run in runs]:
         first = min(run.anchor for runs in gaps for run in runs)
-        walkers = [Walker(walker.tracker, runs) for walker, runs in zip(forward, gaps, strict=True)]
+        walkers = [Walker(walker.tracker, runs, walker.views) for walker, runs in zip(forward, gaps, strict=True)]
         show = counted(progress, "fill gaps", 0, max(stops) + 1 - first)
         walk(reader.frames(first, max(stops) + 1), walkers, cuts, show)
         for track, runs in zip(tracks, gaps, strict=True):

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 
 import av
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from hdn.errors import InputError
 
 from . import color
+from .closing import Closing
 from .decode import Clock, decode, frame_rate, open_video, stream_duration
 
 log = logging.getLogger(__name__)
@@ -72,7 +72,7 @@ class _Decoded:
     frame: av.VideoFrame
 
 
-class VideoReader:
+class VideoReader(Closing):
     """Reads a video file frame by frame.
 
     Every iteration opens the file anew, so several may run side by side. What is wrong with the file but does not
@@ -90,14 +90,6 @@ class VideoReader:
         self._keys: list[int] = []  # indices of the key frames
         self._complete = False  # whether the whole file has been decoded
         self.info = self._probe()
-
-    def __enter__(self) -> VideoReader:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Closes what unfinished iterations hold open."""

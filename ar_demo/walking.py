@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from hdn import Observation, Tracker
 from hdn.homography import from_corners
+from hdn.learning import Views
 from hdn.tracker import State
 
 from .cuts import CutDetector
@@ -14,9 +15,9 @@ from .video import Frame
 class Walker:
     """A surface's tracker on its runs, which follow each other in one direction."""
 
-    def __init__(self, tracker: Tracker, runs: Iterable[Run]) -> None:
-        """Args: tracker: it has its target; runs: in any order."""
-        self.tracker = tracker
+    def __init__(self, tracker: Tracker, runs: Iterable[Run], views: Views | None = None) -> None:
+        """Args: tracker: it has its target; runs: in any order; views: where good ones are kept, None keeps none."""
+        self.tracker, self.views = tracker, views
         self.runs = sorted(runs, key=lambda run: -run.anchor if run.backward else run.anchor)
         self._now: Run | None = None
         self._next = 0
@@ -30,7 +31,10 @@ class Walker:
         if self._now is not None:
             if cut:
                 self.tracker.lose()
-            if not self._now.add(self.tracker.track(frame)):
+            estimate = self.tracker.track(frame)
+            if self.views is not None:
+                self.views.offer(index, frame, estimate)
+            if not self._now.add(estimate):
                 self._now = None
         if self._begins(index):
             run = self.runs[self._next]

@@ -1,4 +1,4 @@
-"""`hdn-analyse`: what the paper says of its method, measured anew and drawn."""
+"""`hdn-analyse`: what the paper says of its method, and what the tracker says of itself, measured and drawn."""
 
 import argparse
 import importlib.util
@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import analysis_conditioning, analysis_rsew
+from . import analysis_conditioning, analysis_rsew, analysis_states
 from .commandline import DONE, Parser, run
 from .errors import InputError
 from .weights import CONFIGS
@@ -24,6 +24,8 @@ def _command(arguments: Sequence[str] | None) -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     if options.analysis == "rsew":
         lines, paths = analysis_rsew.write(options.out, CONFIGS[options.config], options.image)
+    elif options.analysis == "states":
+        lines, paths = analysis_states.write(options.out, options.folders, options.clips, options.frames, options.seed)
     else:
         lines, paths = analysis_conditioning.write(options.out, options.samples, options.seed)
     print("\n".join([*lines, *(f"written: {path}" for path in paths)]))
@@ -33,7 +35,8 @@ def _command(arguments: Sequence[str] | None) -> int:
 def _parser() -> Parser:
     parser = Parser(
         "hdn-analyse",
-        "Reproduce the analysis of 'Homography Decomposition Networks for Planar Object Tracking'.",
+        "Reproduce the analysis of 'Homography Decomposition Networks for Planar Object Tracking', and measure how far "
+        "the tracker knows how well it does.",
         "Exit status: 0 done, 1 failed while working, 2 wrong input.",
     )
     analyses = parser.add_subparsers(dest="analysis", required=True, parser_class=_Subparser)
@@ -47,7 +50,17 @@ def _parser() -> Parser:
     rsew = analyses.add_parser("rsew", help=subject, description=subject)
     rsew.add_argument("--image", type=Path, metavar="FILE", help="what to rotate and scale (default: a drawn poster)")
     rsew.add_argument("--config", choices=list(CONFIGS), default="compact", help="whose warp (default compact)")
-    for analysis in (condition, rsew):
+    subject = "states, confidence, deviation and visibility against the truth: table, figure and CSV"
+    states = analyses.add_parser("states", help=subject, description=subject)
+    states.add_argument(
+        "folders", nargs="*", type=Path, metavar="FOLDER", help="of clips with corners, NAME.mp4 beside NAME.json"
+    )
+    states.add_argument(
+        "--clips", type=_natural, default=4, metavar="N", help="drawn, textured and of low texture each (default 4)"
+    )
+    states.add_argument("--frames", type=_natural, default=130, metavar="N", help="of each clip (default 130)")
+    states.add_argument("--seed", type=_natural, default=1, metavar="N", help="of the drawn clips (default 1)")
+    for analysis in (condition, rsew, states):
         analysis.add_argument(
             "--out", type=Path, default=Path("runs/analysis"), metavar="DIR", help="default runs/analysis"
         )

@@ -7,14 +7,21 @@ from ar_demo import cli
 from hdn import weights
 from hdn.engine import Engine
 
+Main = Callable[[list[str]], None]
 Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
+def main() -> Main:
+    """The command line that `run` runs, where a call names no other; modules that test another have their own."""
+    return cli.replace_main
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], main: Main) -> Run:
     """Runs a command line of ours in this process: exit status, standard output and error."""
 
-    def call(*arguments: object, main: Callable[[list[str]], None] = cli.replace_main) -> tuple[int, str, str]:
+    def call(*arguments: object, main: Main = main) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as end:
             main([str(a) for a in arguments])
         out, err = capsys.readouterr()

@@ -4,7 +4,6 @@ import csv
 import json
 import shutil
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -17,25 +16,17 @@ from hdn.errors import InputError
 from hdn.homography import Array
 from hdn.weights import load, save, shipped
 
+from .conftest import Main, Run
 from .media import make_clip
 from .scenes import Scene, path
 
 FRAMES = 10
 UNKNOWN = 4  # the frame whose truth is null
 
-Run = Callable[..., tuple[int, str, str]]
-
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    def run(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as stop:
-            cli.main([str(a) for a in arguments])
-        captured = capsys.readouterr()
-        assert isinstance(stop.value.code, int)
-        return stop.value.code, captured.out, captured.err
-
-    return run
+def main() -> Main:
+    return cli.main
 
 
 @pytest.fixture(scope="module")

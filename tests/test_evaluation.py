@@ -2,7 +2,6 @@
 
 import csv
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -16,8 +15,9 @@ from hdn.benchmark.synthplanar import Setting, generate
 from hdn.benchmark.synthplanar_pictures import Pictures
 from hdn.errors import InputError
 
+from .conftest import Main, Run
+
 SQUARE = np.array([[10.0, 10], [29, 10], [29, 29], [10, 29]])
-Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="module")
@@ -38,15 +38,8 @@ def evaluated(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    def run(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as stop:
-            evaluation.main([str(a) for a in arguments])
-        captured = capsys.readouterr()
-        assert isinstance(stop.value.code, int)
-        return stop.value.code, captured.out, captured.err
-
-    return run
+def main() -> Main:
+    return evaluation.main
 
 
 def test_psnr_by_hand() -> None:

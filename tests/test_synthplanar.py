@@ -14,7 +14,7 @@ from hdn.benchmark.synthplanar import Setting, generate, main
 from hdn.benchmark.synthplanar_motion import HEIGHT, WIDTH, Ranges, Trajectory
 from hdn.benchmark.synthplanar_pictures import Pictures
 from hdn.benchmark.synthplanar_render import Renderer, Scene, visible_corners
-from hdn.benchmark.synthplanar_scenes import CHALLENGES, make_scene
+from hdn.benchmark.synthplanar_scenes import CHALLENGES, CONTROLS, make_scene
 from hdn.benchmark.synthplanar_video import Clip
 from hdn.errors import InputError, RunError
 from hdn.homography import Array, area, from_corners, square
@@ -312,3 +312,12 @@ def test_a_texture_that_is_no_image_is_named(tmp_path: Path) -> None:
     (tmp_path / "broken.png").write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"broken\.png cannot be read"):
         generate(tmp_path / "out", "scale", 0, SMALL, 2, 0, Pictures(tmp_path))
+
+
+def test_of_the_controls_one_stands_still_and_one_moves() -> None:
+    steps = {}
+    for name, control in CONTROLS.items():
+        corners = Trajectory(control.ranges, 1.3, 40, np.random.default_rng(3)).corners(np.arange(40.0))
+        steps[name] = np.abs(np.diff(corners, axis=0)).max()
+    assert steps["static"] < 1e-9
+    assert 1 < steps["clean"] < 60

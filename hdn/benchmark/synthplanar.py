@@ -9,6 +9,7 @@ import argparse
 import json
 import sys
 import zlib
+from collections.abc import Iterable
 from collections.abc import Sequence as Many
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ from ..commandline import Parser, run
 from ..errors import InputError, RunError
 from .synthplanar_pictures import Pictures
 from .synthplanar_render import Renderer, visible_corners
-from .synthplanar_scenes import CHALLENGES, make_scene
+from .synthplanar_scenes import CHALLENGES, CONTROLS, make_scene
 from .synthplanar_video import FPS, Clip
 
 VERSION = 1  # of the generator: whatever changes a sequence of a given seed raises it
@@ -44,8 +45,8 @@ def generate(
 ) -> Path:
     """Makes one sequence in the folder `out`, and returns its JSON file, which is written last.
 
-    attribute: one of CHALLENGES. number: of the sequence, from 0. A seed means the same sequence whatever others are
-    made beside it.
+    attribute: one of CHALLENGES or CONTROLS. number: of the sequence, from 0. A seed means the same sequence whatever
+    others are made beside it.
 
     Raises:
         InputError: a texture that cannot be read.
@@ -53,8 +54,9 @@ def generate(
     """
     name = _name(attribute, number)
     rng = np.random.default_rng([VERSION, seed, zlib.crc32(attribute.encode()), number])
-    cast = make_scene(CHALLENGES[attribute], setting.width, setting.height, frames, pictures, rng)
-    crf = int(rng.integers(19, 29))
+    challenge = (CHALLENGES | CONTROLS)[attribute]
+    cast = make_scene(challenge, setting.width, setting.height, frames, pictures, rng)
+    crf = int(rng.integers(*challenge.crf))
     corners = visible_corners(cast.scene, frames)
     renderer = Renderer(cast.scene, frames, rng)
     visible = []
@@ -133,10 +135,13 @@ def _command(arguments: Many[str] | None) -> int:
 
 def _attribute(name: str) -> str:
     attribute = name.replace("-", " ").lower()
-    if attribute not in CHALLENGES:
-        names = ", ".join(c.replace(" ", "-") for c in CHALLENGES)
-        raise InputError(f"there is no attribute '{name}': choose from {names}")
+    if attribute not in CHALLENGES | CONTROLS:
+        raise InputError(f"there is no attribute '{name}': choose from {_names(CHALLENGES | CONTROLS)}")
     return attribute
+
+
+def _names(attributes: Iterable[str]) -> str:
+    return ", ".join(name.replace(" ", "-") for name in attributes)
 
 
 def _parser() -> Parser:
@@ -151,7 +156,7 @@ def _parser() -> Parser:
         nargs="+",
         metavar="NAME",
         default=list(CHALLENGES),
-        help=f"of {', '.join(c.replace(' ', '-') for c in CHALLENGES)} (default all)",
+        help=f"of {_names(CHALLENGES)} (default all these); or {_names(CONTROLS)}, to see how exact a tracker is",
     )
     parser.add_argument("--sequences", type=_count, default=1, metavar="N", help="for each attribute (default 1)")
     parser.add_argument("--frames", type=_count, metavar="N", help="in each (default 150 quick, 500 full)")

@@ -33,7 +33,8 @@ _FOLLOW = np.array([0.55, 0.55, 0.35, 0.22, 0.22, 0.75])
 class Ranges:
     """Where a path may go.
 
-    size: smallest and largest, px. tilt, roll: largest, degrees. speed: ratio to the usual. leaves: leaves the frame.
+    size: smallest and largest, px. tilt, roll: largest, degrees. speed: ratio to the usual; at 0 nothing moves, not
+    even a hand. leaves: leaves the frame.
     """
 
     size: tuple[float, float] = (110.0, 480.0)
@@ -56,6 +57,7 @@ class Trajectory:
         corners = project(self._path, self.outline)
         steps = np.linalg.norm(np.diff(corners, axis=0), axis=2).mean(1)
         self._length = np.concatenate([[0.0], np.cumsum(steps)])
+        self._shake = float(ranges.speed > 0) * np.array([0.6, 0.6, 0.0006, 0.001, 0.001, 0.0008])
         self._tremor = rng.uniform(0, 2 * np.pi, (3, 6)), rng.uniform(0.06, 0.3, (3, 1))  # phases, cycles a frame
 
     def poses(self, times: Array) -> Array:
@@ -64,7 +66,7 @@ class Trajectory:
         pose = np.stack([np.interp(travelled, self._length, column) for column in self._path.T], 1)
         phases, rates = self._tremor
         waves = np.sin(2 * np.pi * rates * times[:, None, None] + phases).sum(1)  # (N, 6)
-        return pose + waves * [0.6, 0.6, 0.0006, 0.001, 0.001, 0.0008]
+        return pose + waves * self._shake
 
     def corners(self, times: Array) -> Array:
         """The target's corners (N, 4, 2) at times (N,), px."""

@@ -21,17 +21,21 @@ USUAL = Ranges()
 class Challenge:
     """What makes an attribute.
 
-    between: frames from one passer-by to the next, 0 for none. flat: little texture. Others as in Scene and Light, the
-    least and the most of them.
+    between: frames from one passer-by to the next, 0 for none. flat: little texture. lamp: probability that one is
+    mirrored in the target. crf: of H.264, the least, and one above the most. Others as in Scene and Light, the least
+    and the most of them.
     """
 
     ranges: Ranges = USUAL
     shutter: tuple[float, float] = (0.25, 0.5)
     exposure: tuple[float, float] = (0.8, 1.15)
     swing: float = 0.2
+    rates: tuple[float, float] = (0.02, 0.12)
     grain: tuple[float, float] = (1.0, 2.5)
     between: int = 0
     flat: bool = False
+    lamp: float = 0.6
+    crf: tuple[int, int] = (19, 29)
 
 
 # Named as in POT, and two of our own.
@@ -47,6 +51,14 @@ CHALLENGES = {
     ),
     "low texture": Challenge(flat=True),
     "low light": Challenge(shutter=(0.6, 0.9), exposure=(0.07, 0.16), grain=(4.0, 7.0)),
+}
+# Nothing is hard here but to be exact: a well-seen target, and one that stands still under flickering light; compressed
+# as a camera does.
+CONTROLS = {
+    "clean": Challenge(
+        Ranges(size=(150, 480), speed=0.6), shutter=(0.02, 0.1), grain=(1.0, 1.5), lamp=0.0, crf=(14, 18)
+    ),
+    "static": Challenge(Ranges(size=(150, 480), speed=0.0), rates=(0.5, 2.5), grain=(2.0, 4.0), lamp=0.0, crf=(14, 18)),
 }
 
 
@@ -142,8 +154,8 @@ def _light(challenge: Challenge, width: int, rng: Rng) -> Light:
         colour=np.array([1 + warmth, 1.0, 1 - warmth]),
         exposure=rng.uniform(*challenge.exposure),
         swing=challenge.swing,
-        rates=rng.uniform(0.02, 0.12, 2),
-        glare=rng.uniform(0.25, 0.8) if rng.random() < 0.6 else 0.0,
+        rates=rng.uniform(*challenge.rates, 2),
+        glare=rng.uniform(0.25, 0.8) if rng.random() < challenge.lamp else 0.0,
         lamp=rng.uniform(-0.45, 0.45, 2),
         spread=rng.uniform(0.08, 0.2),
     )
