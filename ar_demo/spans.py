@@ -19,7 +19,7 @@ from .trackfile import STATES, Source, Track
 
 SETTLE = 30  # frames over which a correction fades where no other known pose follows
 AGREE = 0.03  # of the target's size, up to which two ways to a frame agree
-UNCERTAIN = 0.01  # of the target's size: a deviation that a good view stays below
+UNCERTAIN = 0.005  # of the target's size: a deviation that a good view stays well below
 FEW = 0.05  # share of the frames that may be uncertain
 SURER = 0.5  # ratio of deviations, below which a pose replaces another; at less gain, changing over would do more harm
 UNKNOWN: Array = np.full((4, 2), np.nan)

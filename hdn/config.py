@@ -44,7 +44,7 @@ COMPACT = Config(
     "compact",
     backbone="efficientnet-lite0",
     residual="matching",
-    search_size=191,  # reaches as far as the target is wide, at half the cost of 255
+    search_size=175,  # reaches three quarters of the target's width, at less than half the cost of 255
 )
 
 PAPER = Config(

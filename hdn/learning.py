@@ -6,7 +6,6 @@ best and agree about it, and the whole is aligned with the first view. For that 
 that both show the same; this keeps it from drifting. It is an image like a frame: trackers are initialised on it.
 """
 
-import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .agreement import CELLS, SURELY, Grey
+from .blur import blurred
 from .homography import Array, area, from_corners, square, transform
 from .observation import Observation
 from .refinement import Alignment, Refiner
@@ -194,35 +194,23 @@ class _View(NamedTuple):
     sharpness: Grey
 
 
-class _Blur(NamedTuple):
-    """Standard deviations of a Gaussian along a direction (radians) and across it, px."""
+def _blur(anchor: Refiner, grey: Pyramid, pose: Array) -> Array:
+    """Covariance (2, 2), px^2, of the Gaussian that makes a template, at a pose, most like the first view.
 
-    along: float
-    across: float
-    angle: float
+    Tried out, since the first view may be blurred by far more than what `blur.between` linearises.
+    """
 
+    def likeness(covariance: Array) -> float:
+        return float(np.maximum(anchor.agreement(_blurred(grey, covariance), pose).correlation, 0).mean())
 
-def _blur(anchor: Refiner, grey: Pyramid, pose: Array) -> _Blur:
-    """The blur that makes a template, at a pose, most like the first view."""
-
-    def likeness(blur: _Blur) -> float:
-        return float(np.maximum(anchor.agreement(_blurred(grey, blur), pose).correlation, 0).mean())
-
-    round_ = [_Blur(s, s, 0.0) for s in (0.0, *BLURS)]
-    straight = [_Blur(s, 0.0, angle) for s, angle in itertools.product(BLURS, np.arange(8) * np.pi / 8)]
-    best = max([*round_, *straight], key=likeness)
-    return max([best, *(best._replace(across=s) for s in BLURS if s < best.along)], key=likeness)
+    none = np.zeros((2, 2))
+    steps = [s**2 * np.outer(d, d) for s in BLURS for d in ((np.cos(a), np.sin(a)) for a in np.arange(8) * np.pi / 8)]
+    best = max([none, *(s**2 * np.eye(2) for s in BLURS), *steps], key=likeness)
+    return max([best, *(best + s**2 * np.eye(2) for s in BLURS)], key=likeness)
 
 
-def _blurred(grey: Pyramid, blur: _Blur) -> Pyramid:
-    reach = int(np.ceil(2.5 * blur.along))
-    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(np.float64)
-    along, across = x * np.cos(blur.angle) + y * np.sin(blur.angle), y * np.cos(blur.angle) - x * np.sin(blur.angle)
-    pixel = 0.3  # which spreads a little by itself
-    kernel = np.exp(
-        -np.square(along / np.hypot(blur.along, pixel)) / 2 - np.square(across / np.hypot(blur.across, pixel)) / 2
-    )
-    return Pyramid(np.asarray(cv2.filter2D(grey.levels[0], -1, kernel / kernel.sum()), np.uint8))
+def _blurred(grey: Pyramid, covariance: Array) -> Pyramid:
+    return Pyramid(np.asarray(blurred(grey.levels[0].astype(np.float32), covariance) + 0.5, np.uint8))
 
 
 def _grey(image: Image) -> Pyramid:

@@ -107,8 +107,8 @@ class Proposer:
         homography, length, visible = self._look(frame, start)
         if length > FAR and visible.mean() >= SEEN:
             # The corners were out of the crop, or squeezed; from where they are now all is in view.
-            again, _, its_visible = self._look(frame, homography)
-            if its_visible.mean() >= visible.mean():
+            again, less, its_visible = self._look(frame, homography)
+            if less < length:
                 homography, visible = again, its_visible
         return homography, length, visible
 

@@ -92,12 +92,12 @@ class ResidualNetwork(nn.Module):
     def compare(self, template: Tensor, crops: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Descriptors of the template and RGB search crops to what `conclude` takes."""
         matches = self.match(template, self.describe(crops))
-        return matches.displacement, matches.weight, matches.visible
+        return *self.equations(matches.displacement, matches.weight), matches.visible
 
-    def conclude(self, displacement: Tensor, weight: Tensor, visible: Tensor) -> tuple[Tensor, Tensor]:
+    def conclude(self, normal: Tensor, right: Tensor, visible: Tensor) -> tuple[Tensor, Tensor]:
         """Offsets (B, 4, 2) px of the corners, and the probability (B, m, m) that each part of the target is seen."""
         m = self.size // CELL
-        return self.fit(displacement, weight), visible.sigmoid().reshape(-1, m, m)
+        return self.solve(normal, right), visible.sigmoid().reshape(-1, m, m)
 
     def match(self, template: Tensor, search: Tensor) -> Matches:
         """Descriptors of both crops, each (B, C, n / 4, n / 4), to matches."""
@@ -131,6 +131,10 @@ class ResidualNetwork(nn.Module):
 
         Ridge regression of its parameters' difference to the identity's: no weight, no motion.
         """
+        return self.solve(*self.equations(displacement, weight))
+
+    def equations(self, displacement: Tensor, weight: Tensor) -> tuple[Tensor, Tensor]:
+        """The normal equations of that regression: (B, 8, 8) and (B, 8)."""
         half = self.size / 2
         source, _, _ = geometry(self.size, displacement.device)
         x, y = (source / half).to(displacement).unbind(1)
@@ -147,12 +151,16 @@ class ResidualNetwork(nn.Module):
         right = torch.cat((displacement / half).unbind(2), 1)
         weighted = rows * torch.cat([weight, weight], 1)[..., None]
         normal = weighted.transpose(1, 2) @ rows + RIDGE * torch.eye(8).to(rows)
-        solution = torch.linalg.solve(normal, (weighted.transpose(1, 2) @ right[..., None]))[..., 0]
+        return normal, (weighted.transpose(1, 2) @ right[..., None])[..., 0]
+
+    def solve(self, normal: Tensor, right: Tensor) -> Tensor:
+        """Offsets (B, 4, 2) px of the corners by the normal equations."""
+        solution = torch.linalg.solve(normal, right)
         identity = torch.tensor([1.0, 0, 0, 0, 1, 0, 0, 0]).to(solution)
         matrix = F.pad(solution + identity, (0, 1), value=1.0).reshape(-1, 3, 3)
         corners = F.pad(torch.tensor([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]), (0, 1), value=1.0).to(matrix)
         moved = corners @ matrix.transpose(1, 2)
-        return (moved[..., :2] / moved[..., 2:].clamp_min(0.1) - corners[:, :2]) * half
+        return (moved[..., :2] / moved[..., 2:].clamp_min(0.1) - corners[:, :2]) * (self.size / 2)
 
 
 @functools.lru_cache

@@ -4,16 +4,25 @@ Paper: "Similarity Component", eqs. 4 and 5. Each branch has one correlation of 
 one head for both the score map and the offset map.
 """
 
+from itertools import product
 from typing import Any
 
+import numpy as np
+import torch
 import torch.nn.functional as F
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from .backbone import CHANNELS, Backbone
 from .config import Config
-from .correlation import adapt, centre, correlate, pad_polar
+from .correlation import adapt, correlate, pad_polar
 from .paper import LevelBranch
 from .resnet import ResNet50
+
+# Poses that the translation branch looks for the target in, each time all of them: what the paper's ranges span.
+ROTATIONS = (-0.6, -0.3, 0.0, 0.3, 0.6)  # rad
+SCALES = (0.8, 1.0, 1.25)
+GROUPS = 8  # of channels, whose cosines are summed up apart
 
 
 class Neck(nn.Module):
@@ -32,14 +41,66 @@ class Neck(nn.Module):
         return F.relu(self.norm(x))
 
 
-class Branch(nn.Module):
-    """One correlation branch; `encode_*` go before it, once for the template and once a frame; `head` after it."""
+class TranslationBranch(nn.Module):
+    """Where the target's centre is, however the target has turned and grown.
 
-    def __init__(self, config: Config, polar: bool) -> None:
+    A kernel cut from the template fits a turned or scaled target badly, and its peak drifts. So the template's map is
+    resampled to a bank of kernels, one for each of a few poses; all are correlated with the search map, and each place
+    keeps what its best pose says. The bank is made once a target: a frame pays for the correlation alone.
+    """
+
+    def __init__(self, config: Config) -> None:
         super().__init__()
         channels = config.channels
-        self.cells = None if polar else config.template_cells
-        self.reach = config.polar_reach if polar else 0
+        self.grid: Tensor
+        self.register_buffer("grid", torch.from_numpy(pose_grid(config)), persistent=False)
+        self.neck = Neck(channels)
+        self.adapt_template = _describe(channels)
+        self.adapt_search = _describe(channels)
+        self.sharpness = nn.Parameter(torch.tensor(2.0))  # log of what multiplies the cosines
+        self.each = nn.Sequential(nn.Conv2d(GROUPS, 32, 1), nn.ReLU(), nn.Conv2d(32, 32, 1))  # of each pose
+        self.head = nn.Sequential(
+            nn.Conv2d(32, channels, 3, padding=1, bias=False),
+            nn.BatchNorm2d(channels),
+            nn.ReLU(),
+            nn.Conv2d(channels, channels, 3, padding=1, bias=False),
+            nn.BatchNorm2d(channels),
+            nn.ReLU(),
+            nn.Conv2d(channels, 4, 1),
+        )
+
+    def encode_template(self, maps: tuple[Tensor, ...]) -> Tensor:
+        """Backbone maps of the template crop to kernels of unit descriptors: (B, poses, C, 6, 6)."""
+        x = self.neck(maps)  # (B, C, 16, 16)
+        poses, n = self.grid.shape[:2]
+        grid = self.grid.reshape(1, poses * n, n, 2).expand(x.shape[0], -1, -1, -1)
+        x = F.grid_sample(x, grid, padding_mode="border", align_corners=False)
+        x = x.unflatten(2, (poses, n)).transpose(1, 2).flatten(0, 1)
+        return F.normalize(self.adapt_template(x), dim=1).unflatten(0, (-1, poses))
+
+    def encode_search(self, maps: tuple[Tensor, ...]) -> Tensor:
+        """Backbone maps to the unit descriptors that the kernels slide over: (B, C, n - 2, n - 2)."""
+        return F.normalize(self.adapt_search(self.neck(maps)), dim=1)
+
+    def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, Tensor]:
+        """Encoded template and search to score logits (B, 2, n, n) and offsets (B, 2, n, n) in cells."""
+        b, poses, channels, h, w = template.shape
+        share = channels // GROUPS
+        kernels = template.unflatten(2, (GROUPS, share)).transpose(1, 2).reshape(-1, share, h, w)
+        x = F.conv2d(search.reshape(1, b * channels, *search.shape[2:]), kernels, groups=b * GROUPS)
+        x = x.reshape(b, GROUPS, poses, *x.shape[2:]).transpose(1, 2).flatten(0, 1)
+        x = self.each(x * (self.sharpness.exp() / (h * w)))
+        y = self.head(x.unflatten(0, (b, poses)).amax(1))
+        return y[:, :2], y[:, 2:]
+
+
+class PolarBranch(nn.Module):
+    """Rotation and log-scale: shifts of the log-polar crop."""
+
+    def __init__(self, config: Config) -> None:
+        super().__init__()
+        channels = config.channels
+        self.reach = config.polar_reach
         self.neck = Neck(channels)
         self.adapt_template = adapt(channels)
         self.adapt_search = adapt(channels)
@@ -54,14 +115,12 @@ class Branch(nn.Module):
         )
 
     def encode_template(self, maps: tuple[Tensor, ...]) -> Tensor:
-        """Backbone maps to the correlation kernel: (B, C, 6, 6) of translation, (B, C, 14, 14) of log-polar."""
-        x = self.neck(maps)  # (B, C, 16, 16)
-        return self.adapt_template(centre(x, self.cells) if self.cells else x)
+        """Backbone maps of the template's log-polar crop to the correlation kernel, (B, C, 14, 14)."""
+        return self.adapt_template(self.neck(maps))
 
     def encode_search(self, maps: tuple[Tensor, ...]) -> Tensor:
-        """Backbone maps to what the kernel slides over: (B, C, n - 2, n - 2), of log-polar (B, C, 22, 22)."""
-        x = self.neck(maps)
-        return self.adapt_search(pad_polar(x, self.reach) if self.reach else x)
+        """Backbone maps of the search's log-polar crop to what the kernel slides over, (B, C, 22, 22)."""
+        return self.adapt_search(pad_polar(self.neck(maps), self.reach))
 
     def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, Tensor]:
         """Encoded template and search to score logits (B, 2, n, n) and offsets (B, 2, n, n) in cells."""
@@ -77,10 +136,9 @@ class SimilarityNetwork(nn.Module):
         super().__init__()
         self.config = config
         compact = config.backbone == "efficientnet-lite0"
-        branch = Branch if compact else LevelBranch
         self.backbone: Any = Backbone() if compact else ResNet50()
-        self.translation = branch(config, polar=False)
-        self.polar = branch(config, polar=True)
+        self.translation: Any = TranslationBranch(config) if compact else LevelBranch(config, polar=False)
+        self.polar: Any = PolarBranch(config) if compact else LevelBranch(config, polar=True)
 
     def encode_template(self, maps: tuple[Tensor, ...]) -> Tensor:
         """Backbone maps of the template crop to translation's correlation kernel."""
@@ -97,3 +155,23 @@ class SimilarityNetwork(nn.Module):
     def encode_polar_search(self, maps: tuple[Tensor, ...]) -> Tensor:
         """Backbone maps of the search's log-polar crop to what that kernel slides over."""
         return self.polar.encode_search(maps)
+
+
+def pose_grid(config: Config) -> NDArray[np.float32]:
+    """Where each pose's kernel takes its cells from: (poses, n, n, 2), -1..1 of the template's map.
+
+    A target turned by R and grown by s about its centre shows at p what the template has at R^-1 p / s.
+    """
+    n, cells = config.template_cells, -(-config.template_size // config.stride)
+    centre = (config.template_size - 1) / 2 / config.stride  # cell i is on pixel i * stride
+    r = np.arange(n) + (cells - n) / 2 - centre
+    x, y = np.meshgrid(r, r)
+    rotation, scale = np.array([*product(ROTATIONS, SCALES)]).T[:, :, None, None]
+    c, s = np.cos(rotation) / scale, np.sin(rotation) / scale
+    places = np.stack([c * x + s * y, c * y - s * x], -1) + centre
+    return np.asarray((places + 0.5) * (2 / cells) - 1, np.float32)
+
+
+def _describe(channels: int) -> nn.Sequential:
+    """Without padding, it takes a cell off each side."""
+    return nn.Sequential(nn.Conv2d(channels, channels, 3, bias=False), nn.BatchNorm2d(channels))

@@ -1,6 +1,7 @@
 """Shapes, equivariance and engines of the networks."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -8,12 +9,15 @@ import torch
 
 from hdn.config import COMPACT, PAPER
 from hdn.engine import Engine, _decode
-from hdn.homography import dlt, project, square
+from hdn.homography import dlt, project, square, transform
+from hdn.observation import Observation
 from hdn.polar import polar_crop, polar_points
+from hdn.proposal import FAR, Proposer
 from hdn.residual import ResidualNetwork, geometry, standardise
+from hdn.similarity import ROTATIONS, SCALES, pose_grid
 from hdn.weights import Hdn
 
-from .scenes import texture
+from .scenes import Scene, error, moved, texture
 
 
 def crops(size: int, seed: int = 0) -> np.ndarray:
@@ -44,6 +48,55 @@ def test_polar_crop_looks_about_its_centre() -> None:
     crop = polar_crop(image, torch.tensor([[10.0, -5.0]]), points)
     torch.testing.assert_close(crop[0, 0], points[..., 0] + 127 + 10, atol=1e-2, rtol=0)
     torch.testing.assert_close(crop[0, 1], points[..., 1] + 127 - 5, atol=1e-2, rtol=0)
+
+
+def test_each_pose_looks_at_the_template_as_it_would_be_turned_and_scaled_about_its_centre() -> None:
+    cells, centre = 16, 63 / COMPACT.stride  # of a crop of 127 px, whose cells lie on every eighth pixel
+    y, x = torch.meshgrid(torch.arange(float(cells)), torch.arange(float(cells)), indexing="ij")
+    places = torch.stack([x, y])[None]
+    kernel = torch.stack([x, y], -1)[4:12, 4:12] - centre
+    for (rotation, scale), grid in zip(product(ROTATIONS, SCALES), pose_grid(COMPACT), strict=True):
+        seen = (
+            torch.nn.functional.grid_sample(places, torch.from_numpy(grid[None]), align_corners=False)[0].permute(
+                1, 2, 0
+            )
+            - centre
+        )
+        c, s = scale * np.cos(rotation), scale * np.sin(rotation)
+        turned = seen @ torch.tensor([[c, s], [-s, c]], dtype=torch.float32)
+        inside = ((seen + centre > 0) & (seen + centre < cells - 1)).all(-1)
+        torch.testing.assert_close(turned[inside], kernel[inside], atol=1e-3, rtol=0)
+        assert inside.float().mean() > 0.8
+
+
+@pytest.mark.parametrize("rotation", [-0.6, 0.0, 0.6])
+@pytest.mark.parametrize("scale", [0.75, 1.3])
+def test_translation_finds_the_centre_of_a_turned_target(engine: Engine, rotation: float, scale: float) -> None:
+    scene = Scene()
+    proposer = Proposer(engine, Observation(scene.draw(scene.quad)), scene.quad, frozenset({"similarity"}))
+    shift = np.array([14.0, -9.0])
+    frame = Observation(scene.draw(moved(scene.quad, (14.0, -9.0), scale, rotation))).colour
+    n = COMPACT.search_size
+    found = engine.translation(proposer.kernels[0], proposer._crop(frame, proposer._window(n), n))
+    assert np.linalg.norm(np.array([found.x, found.y]) * proposer.unit - shift) < 4
+
+
+def test_what_is_far_off_is_looked_at_twice(engine: Engine) -> None:
+    scene = Scene()
+    proposer = Proposer(engine, Observation(scene.draw(scene.quad)), scene.quad, frozenset({"residual"}))
+    corners = scene.quad + np.array([[9, 8], [-9, 7], [8, -8], [10, 9]])
+    frame = Observation(scene.draw(corners)).colour
+    once, length, _ = proposer._look(frame, np.eye(3))
+    twice, _, _ = proposer._residual(frame, np.eye(3))
+    assert length > FAR
+    assert error(transform(twice, scene.quad), corners) < 0.8 * error(transform(once, scene.quad), corners)
+
+
+def test_a_crop_without_contrast_has_a_gradient() -> None:
+    crop = torch.full((1, 3, 8, 8), 7.0, requires_grad=True)
+    standardise(crop).sum().backward()
+    assert crop.grad is not None
+    assert crop.grad.isfinite().all()
 
 
 def test_standardised_crops_know_no_gain_and_bias() -> None:
