@@ -13,6 +13,7 @@ from . import weights
 from .analysis_figures import new_figure, save
 from .analysis_states_clips import EVENTS, Clip, drawn_clips, measured_clips, staged
 from .analysis_states_measures import DEVIATIONS, Answers, figures, precision, reliability, spread
+from .benchmark.metrics import alignment_errors
 from .engine import Engine
 from .errors import InputError
 from .tracker import Tracker
@@ -27,11 +28,10 @@ def answers(tracker: Tracker, clip: Clip, event: str) -> Answers:
     views = staged(clip, event)
     first = next(views)
     tracker.init(first.image, first.corners)
-    estimates, errors, seen, in_frame = [], [], [], []
+    estimates, truth, seen, in_frame = [], [], [], []
     for view in views:
-        estimate = tracker.track(view.image)
-        estimates.append(estimate)
-        errors.append(float(np.sqrt(np.square(estimate.corners - view.corners).sum(1).mean())))
+        estimates.append(tracker.track(view.image))
+        truth.append(view.corners)
         seen.append(view.seen)
         in_frame.append(view.in_frame)
     return Answers(
@@ -41,7 +41,7 @@ def answers(tracker: Tracker, clip: Clip, event: str) -> Answers:
         np.array([e.confidence for e in estimates]),
         np.array([e.deviation for e in estimates]),
         np.stack([e.visibility for e in estimates]).astype(float),
-        np.array(errors),
+        alignment_errors(np.stack(truth), np.stack([e.corners for e in estimates])),
         np.stack(seen),
         np.stack(in_frame),
     )

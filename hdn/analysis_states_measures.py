@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .benchmark.metrics import Flags
+from .benchmark.metrics import Flags, roc_area
 from .homography import Array
 
 WRONG = 10.0  # px, root mean square over the corners, beyond which a pose is wrong
@@ -137,7 +137,7 @@ def figures(several: Many[Answers]) -> dict[str, float]:
         "returns": float(len(times)),
         "found soon": _mean(times <= SOON),
         "frames to find": float(np.median(times)) if len(times) else np.nan,
-        "cells": auc(said, true),
+        "cells": roc_area(said, true),
         "precision": _mean(true[said > 0.5]),
         "recall": _mean(said[true] > 0.5),
         "confidence error": reliability(several).error,
@@ -176,14 +176,6 @@ def cells(several: Many[Answers]) -> tuple[Array, Flags]:
         said.append(a.visibility[which])
         true.append(a.seen[which] > 0.5)
     return np.concatenate(said), np.concatenate(true)
-
-
-def auc(said: Array, true: Flags) -> float:
-    """Area under the ROC curve: how often what is seen is given the higher value than what is not; ties count half."""
-    values, inverse = np.unique(said, return_inverse=True)
-    seen, unseen = (np.bincount(inverse[which], minlength=len(values)) for which in (true, ~true))
-    pairs = float(seen.sum()) * float(unseen.sum())
-    return float(seen @ (np.cumsum(unseen) - unseen / 2)) / pairs if pairs else np.nan
 
 
 def _mean(values: NDArray[np.bool_]) -> float:

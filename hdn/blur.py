@@ -1,10 +1,15 @@
 """How much more one view of a target is blurred than another: by motion, out of focus, or for want of pixels."""
 
+from typing import TypeVar
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from .agreement import Grey
 from .homography import Array
+
+Float = TypeVar("Float", np.float32, np.float64)
 
 SCALE = 1.5  # px that both are blurred by beforehand, so that blur of a few pixels is a small change
 STEPS = 3
@@ -38,7 +43,7 @@ def between(template: Grey, view: Grey, trusted: Grey, window: int) -> Array:
         regressors = np.stack([a[counts], xx / 2, xy, yy / 2], 1).astype(np.float64)  # the first is of the gain
         error = (b - a)[counts].astype(np.float64)
         noise = 1.4826 * float(np.median(np.abs(error))) + 1e-3
-        weight = np.square(np.maximum(1 - np.square(error / (4.685 * noise)), 0))  # Tukey's biweight
+        weight = tukey(error / noise)
         hessian = regressors.T @ (regressors * weight[:, None]) + 1e-3 * np.eye(4)
         _, dxx, dxy, dyy = np.linalg.solve(hessian, regressors.T @ (weight * error))
         values, axes = np.linalg.eigh(covariance + np.array([[dxx, dxy], [dxy, dyy]]))
@@ -70,3 +75,8 @@ def normalise(image: Grey, window: int) -> tuple[Grey, Grey]:
     variance = np.maximum(cv2.blur(centred * centred, (window, window)), 0)  # running sums may round to below zero
     deviation = np.sqrt(variance) + 2.0
     return np.asarray(centred / deviation, np.float32), np.asarray(deviation, np.float32)
+
+
+def tukey(error: NDArray[Float]) -> NDArray[Float]:
+    """Tukey's biweight of residuals in units of their deviation."""
+    return np.square(np.maximum(1 - np.square(error / 4.685), 0))

@@ -125,16 +125,18 @@ class Views:
 
     def _aligned(self, best: "_View") -> list[Array]:
         """Where the views show what the best one does: homographies (3, 3) from its image to theirs."""
-        refiner = Refiner(_grey(best.image), self._outline)
+        refiner = Refiner(Observation(best.image).grey, self._outline)
         return [
-            np.eye(3) if view is best else refiner.align(_grey(view.image), np.eye(3)).homography
+            np.eye(3) if view is best else refiner.align(Observation(view.image).grey, np.eye(3)).homography
             for view in self._later
         ]
 
     def _agreed(self, images: list[Image], consensus: Image) -> Grey:
         """Sharpness (n, 4, 8, 8) of the views' pieces; 0 where a view does not show what enough of them do."""
-        judge = Refiner(_grey(consensus), self._outline)
-        agrees = np.array([judge.agreement(_grey(image), np.eye(3)).correlation > SURELY for image in images])
+        judge = Refiner(Observation(consensus).grey, self._outline)
+        agrees = np.array(
+            [judge.agreement(Observation(image).grey, np.eye(3)).correlation > SURELY for image in images]
+        )
         agrees &= agrees.sum(0) >= FEWEST
         return np.array([view.sharpness for view in self._later]) * agrees[:, None]
 
@@ -144,7 +146,7 @@ class Views:
         Args: place: (4, 2) where the target is expected in it.
         Returns: None where it agrees too little, is too uncertain, or lies elsewhere than tracking said: it drifted.
         """
-        anchor, grey = Refiner(_grey(self._first.image), self._outline), _grey(template)
+        anchor, grey = Refiner(Observation(self._first.image).grey, self._outline), Observation(template).grey
         trust = np.maximum(sure, 0.01).astype(np.float32)  # else nothing might be left to align by
         pose = from_corners(self._outline, place)
         for _ in range(3):  # blur and pose depend on each other
@@ -211,7 +213,3 @@ def _blur(anchor: Refiner, grey: Pyramid, pose: Array) -> Array:
 
 def _blurred(grey: Pyramid, covariance: Array) -> Pyramid:
     return Pyramid(np.asarray(blurred(grey.levels[0].astype(np.float32), covariance) + 0.5, np.uint8))
-
-
-def _grey(image: Image) -> Pyramid:
-    return Pyramid(np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8))

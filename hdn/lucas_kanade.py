@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from .agreement import CELLS, Cells, Grey
-from .blur import blurred, normalise, shares
+from .blur import blurred, normalise, shares, tukey
 from .homography import Array, from_corners, normalised, square, transform
 from .sampling import Pyramid
 
@@ -130,7 +130,7 @@ class Level:
             error = seen[:, 0] - self._values
             certain = error * self._certainty
             noise = max(1.4826 * _median(np.abs(certain[counts])), least)
-            weight = _tukey(certain / noise) * trusted * np.square(self._certainty)
+            weight = tukey(certain / noise) * trusted * np.square(self._certainty)
             weighted = self._jacobian * weight[:, None]
             # What the visible part cannot tell stays near what is expected.
             prior = self._same * noise**2 * information
@@ -165,11 +165,6 @@ def _median(values: Grey) -> float:
     """The upper one, of an even number of values; NumPy's own takes several times as long."""
     middle = len(values) // 2
     return float(np.partition(values, middle)[middle])
-
-
-def _tukey(error: Grey) -> Grey:
-    """Tukey's biweight of residuals in units of their deviation."""
-    return np.square(np.maximum(1 - np.square(error / 4.685), 0))
 
 
 def _local_threshold(strength: Grey, share: float) -> Grey:

@@ -59,15 +59,7 @@ class TranslationBranch(nn.Module):
         self.adapt_search = _describe(channels)
         self.sharpness = nn.Parameter(torch.tensor(2.0))  # log of what multiplies the cosines
         self.each = nn.Sequential(nn.Conv2d(GROUPS, 32, 1), nn.ReLU(), nn.Conv2d(32, 32, 1))  # of each pose
-        self.head = nn.Sequential(
-            nn.Conv2d(32, channels, 3, padding=1, bias=False),
-            nn.BatchNorm2d(channels),
-            nn.ReLU(),
-            nn.Conv2d(channels, channels, 3, padding=1, bias=False),
-            nn.BatchNorm2d(channels),
-            nn.ReLU(),
-            nn.Conv2d(channels, 4, 1),
-        )
+        self.head = _head(32, channels, 3)
 
     def encode_template(self, maps: tuple[Tensor, ...]) -> Tensor:
         """Backbone maps of the template crop to kernels of unit descriptors: (B, poses, C, 6, 6)."""
@@ -104,15 +96,7 @@ class PolarBranch(nn.Module):
         self.neck = Neck(channels)
         self.adapt_template = adapt(channels)
         self.adapt_search = adapt(channels)
-        self.head = nn.Sequential(
-            nn.Conv2d(channels, channels, 1, bias=False),
-            nn.BatchNorm2d(channels),
-            nn.ReLU(),
-            nn.Conv2d(channels, channels, 3, padding=1, bias=False),
-            nn.BatchNorm2d(channels),
-            nn.ReLU(),
-            nn.Conv2d(channels, 4, 1),
-        )
+        self.head = _head(channels, channels, 1)
 
     def encode_template(self, maps: tuple[Tensor, ...]) -> Tensor:
         """Backbone maps of the template's log-polar crop to the correlation kernel, (B, C, 14, 14)."""
@@ -175,3 +159,16 @@ def pose_grid(config: Config) -> NDArray[np.float32]:
 def _describe(channels: int) -> nn.Sequential:
     """Without padding, it takes a cell off each side."""
     return nn.Sequential(nn.Conv2d(channels, channels, 3, bias=False), nn.BatchNorm2d(channels))
+
+
+def _head(inputs: int, channels: int, kernel: int) -> nn.Sequential:
+    """From what a correlation gave to score logits and offsets, two maps each."""
+    return nn.Sequential(
+        nn.Conv2d(inputs, channels, kernel, padding=kernel // 2, bias=False),
+        nn.BatchNorm2d(channels),
+        nn.ReLU(),
+        nn.Conv2d(channels, channels, 3, padding=1, bias=False),
+        nn.BatchNorm2d(channels),
+        nn.ReLU(),
+        nn.Conv2d(channels, 4, 1),
+    )

@@ -262,7 +262,7 @@ class Tracker:
         found = self.refiner.approach(grey, start, np.clip(4 * seen - 0.6, 0.01, 1), covariance)
         homography, agreement = found.homography, found.agreement
         evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(proposal.visible.mean()))
-        if not (np.isfinite(homography).all() and self._plausible(homography)):
+        if not self._plausible(homography):
             return _Finding(start, evidence, np.zeros((CELLS, CELLS), np.float32))
         evidence = replace(evidence, agreement=agreement.share, cohesion=agreement.cohesion)
         # Where there is no texture to compare, the network's word for it.
@@ -274,7 +274,7 @@ class Tracker:
         if finding.alignment is None:
             return finding
         found = self.refiner.settle(grey, finding.alignment)
-        if not (np.isfinite(found.homography).all() and self._plausible(found.homography)):
+        if not self._plausible(found.homography):
             return finding
         return finding._replace(homography=found.homography, covariance=found.covariance, alignment=found)
 
@@ -287,6 +287,8 @@ class Tracker:
 
     def _plausible(self, homography: Array) -> bool:
         """Whether the pose is one that a camera can see: convex, not mirrored, neither vast nor tiny."""
+        if not np.isfinite(homography).all():
+            return False
         corners = transform(homography, self.quad)
         w = self.quad @ homography[2, :2] + homography[2, 2]
         ratio = area(corners) / area(self.quad)

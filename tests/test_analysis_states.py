@@ -10,6 +10,7 @@ from PIL import Image as Pillow
 from hdn import analysis
 from hdn import analysis_states_clips as clips
 from hdn import analysis_states_measures as measures
+from hdn.benchmark.metrics import roc_area
 from hdn.errors import InputError
 from hdn.homography import Array
 from hdn.refinement import CELLS
@@ -89,8 +90,8 @@ def test_deviation_is_measured_by_the_root_of_the_mean_square() -> None:
 
 
 def test_auc_counts_pairs() -> None:
-    assert measures.auc(np.array([0.1, 0.5, 0.5, 0.9]), np.array([False, False, True, True])) == 3.5 / 4
-    assert np.isnan(measures.auc(np.ones(3), np.ones(3, bool)))
+    assert roc_area(np.array([0.1, 0.5, 0.5, 0.9]), np.array([False, False, True, True])) == 3.5 / 4
+    assert np.isnan(roc_area(np.ones(3), np.ones(3, bool)))
 
 
 @pytest.mark.parametrize("event", clips.EVENTS)

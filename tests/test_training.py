@@ -5,11 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 import torch
 from safetensors import safe_open
 
 from hdn import weights
+from hdn.benchmark.metrics import roc_area
 from hdn.config import COMPACT, PAPER, Config
 from hdn.errors import InputError
 from hdn.residual import ResidualNetwork
@@ -21,7 +23,7 @@ from hdn.training.loop import COMPONENTS, Data, train
 from hdn.training.objectives import BranchObjective, PolarObjective, ResidualObjective, TranslationObjective
 from hdn.training.packing import pack
 from hdn.training.recipes import RECIPES
-from hdn.training.validation import Figures, percentiles, roc_area
+from hdn.training.validation import Figures, percentiles
 
 from .scenes import texture
 
@@ -294,7 +296,8 @@ def test_a_backbone_that_does_not_fit_is_named(config: Config, tmp_path: Path, s
 
 def test_percentiles_and_roc_area_by_hand() -> None:
     assert percentiles("x", torch.arange(11.0)) == {"x median": 5, "x p90": 9}
-    assert roc_area(torch.tensor([0.9, 0.5]), torch.tensor([0.1, 0.5])) == pytest.approx(3.5 / 4)
+    scores, positive = np.array([0.9, 0.5, 0.1, 0.5]), np.array([True, True, False, False])
+    assert roc_area(scores, positive) == pytest.approx(3.5 / 4)
 
 
 @pytest.mark.usefixtures("quick")

@@ -252,6 +252,17 @@ def recoveries(known: Indices, overlaps: Array, errors: Array) -> Array:
     return np.array(durations, float)
 
 
+def roc_area(scores: Array, positive: Flags) -> float:
+    """Area under the ROC curve: how often a positive (N,) scores above one that is not; ties count half.
+
+    NaN where either kind is missing.
+    """
+    values, inverse = np.unique(scores, return_inverse=True)
+    yes, no = (np.bincount(inverse[which], minlength=len(values)) for which in (positive, ~positive))
+    pairs = float(yes.sum()) * float(no.sum())
+    return float(yes @ (np.cumsum(no) - no / 2)) / pairs if pairs else np.nan
+
+
 def _mean(values: list[float]) -> float:
     told = [v for v in values if not np.isnan(v)]
     return float(np.mean(told)) if told else np.nan

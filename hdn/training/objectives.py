@@ -1,5 +1,6 @@
 """What each component is taught: from samples to named losses, each with its weight in it; their sum is minimised."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -61,7 +62,7 @@ class BranchBatch:
     search: Maps
 
 
-class BranchObjective:
+class BranchObjective(ABC):
     """What both branches of the similarity component share: samples, and a network that otherwise stays as it is.
 
     The backbone and the other branch keep their weights and their batch statistics.
@@ -98,9 +99,9 @@ class BranchObjective:
         template, search = (tuple(m.to(precision) for m in self.features(crops)) for crops in self.crops(pairs, jitter))
         return BranchBatch(pairs.motion, pairs.target, pairs.positive, template, search)
 
+    @abstractmethod
     def crops(self, pairs: SimilarityBatch, jitter: float) -> tuple[Tensor, Tensor]:
         """Template and search crops that the branch looks at."""
-        raise NotImplementedError
 
 
 class TranslationObjective(BranchObjective):

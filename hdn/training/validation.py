@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from .. import losses
+from ..benchmark.metrics import roc_area
 from ..homography import dlt, project
 from ..proposal import FAR
 from ..synthesis import Look, Photos, residual_batch, similarity_batch
@@ -69,7 +70,7 @@ def translation_figures(objective: TranslationObjective, photos: Photos, pairs: 
     error, score, positive = _joined(columns)
     return {
         **percentiles("translation px", error[positive]),
-        "score AUC": roc_area(score[positive], score[~positive]),
+        "score AUC": roc_area(score.numpy(), positive.numpy()),
     }
 
 
@@ -84,7 +85,7 @@ def polar_figures(objective: PolarObjective, photos: Photos, pairs: int, look: L
     return {
         **percentiles("log-scale", log_scale[positive] * config.log_scale_per_pixel),
         **percentiles("rotation rad", rotation[positive] * config.radians_per_pixel),
-        "log-polar score AUC": roc_area(score[positive], score[~positive]),
+        "log-polar score AUC": roc_area(score.numpy(), positive.numpy()),
     }
 
 
@@ -112,7 +113,7 @@ def residual_figures(objective: ResidualObjective, photos: Photos, pairs: int, l
         **percentiles("corners px", last[positive]),
         **percentiles("first look px", first[positive]),
         **percentiles("negatives px", last[~positive]),
-        "visible AUC": roc_area(visible[positive], visible[~positive]),
+        "visible AUC": roc_area(visible.numpy(), positive.numpy()),
     }
 
 
@@ -130,12 +131,6 @@ def percentiles(name: str, errors: Tensor) -> Figures:
     shares = torch.tensor([0.5, 0.9])
     middle, high = torch.quantile(errors, shares).tolist() if len(errors) else (float("nan"),) * 2
     return {f"{name} median": middle, f"{name} p90": high}
-
-
-def roc_area(positive: Tensor, negative: Tensor) -> float:
-    """Probability that a positive pair scores above a negative one, ties counting half; NaN of nothing."""
-    difference = positive[:, None] - negative[None]
-    return float(((difference > 0).float() + (difference == 0).float() / 2).mean())
 
 
 def table(columns: dict[str, Figures]) -> str:
