@@ -7,6 +7,7 @@ at the tracker's start, and reports to its makers. So the modules are traced her
 import warnings
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 import openvino as ov
@@ -29,7 +30,7 @@ def convert(module: nn.Module, *examples: Tensor) -> ov.Model:
     decoder = TorchScriptPythonDecoder(traced, example_input=examples)  # to be kept until all is converted
     source = front_end.load(decoder)
     for place, example in zip(source.get_inputs(), examples, strict=True):
-        source.set_element_type(place, ov.Type.f32)
+        source.set_element_type(place, ov.Type(example.numpy().dtype))
         source.set_partial_shape(place, ov.PartialShape([-1] * example.ndim))
     return front_end.convert(source)
 
@@ -42,7 +43,7 @@ def join(backbone: ov.Model, head: ov.Model, crop_size: int, *kernels: Tensor) -
         kernels: examples of those inputs of the head that stay inputs of the whole, before the crop.
     """
     backbone = backbone.clone()
-    backbone.reshape([1, 3, crop_size, crop_size])
+    backbone.reshape([1, crop_size, crop_size, 3])
     inputs = head.get_parameters()
     for parameter, kernel in zip(inputs, kernels, strict=False):
         parameter.set_partial_shape(ov.PartialShape(list(kernel.shape)))
@@ -68,8 +69,8 @@ def compiled(model: ov.Model, threads: int | None = None) -> Function:
     request = _core().compile_model(model, "CPU", options).create_infer_request()
     outputs = len(model.outputs)
 
-    def run(*inputs: Floats) -> list[Floats]:
-        request.infer(list(inputs))
+    def run(*inputs: NDArray[Any]) -> list[Floats]:
+        request.infer(list(inputs), share_inputs=True)
         return [request.get_output_tensor(i).data.copy() for i in range(outputs)]
 
     return run

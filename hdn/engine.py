@@ -63,6 +63,18 @@ class _Correlate(nn.Module):
         return self.branch(kernel, self.branch.encode_search(maps))
 
 
+class _OfImage(nn.Module):
+    """A network whose last input is an image as it is kept, uint8 (1, n, n, 3), in place of floats (1, 3, n, n)."""
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        *others, image = inputs
+        return self.network(*others, image.permute(0, 3, 1, 2).float())
+
+
 class _Joined(nn.Module):
     """A head on the backbone's maps of the last input."""
 
@@ -106,9 +118,9 @@ def _torch_functions(network: Hdn, device: torch.device) -> list[Function]:
     half = network.config.half and device.type == "cuda"
 
     def function(module: nn.Module) -> Function:
-        module = module.to(device).eval()
+        module = _OfImage(module).to(device).eval()
 
-        def run(*inputs: Floats) -> list[Floats]:
+        def run(*inputs: NDArray[Any]) -> list[Floats]:
             with torch.inference_mode(), torch.autocast("cuda", torch.float16, enabled=half):
                 outputs = module(*(torch.from_numpy(x).to(device) for x in inputs))
             return [o.float().cpu().numpy() for o in outputs]
@@ -123,19 +135,20 @@ def _openvino_functions(network: Hdn) -> list[Function]:
     from .compilation import compiled, convert, join
 
     c, s = network.config, network.similarity
-    crop, residual = torch.zeros(1, 3, c.template_size, c.template_size), torch.zeros(1, 3, *[c.residual_size] * 2)
-    backbone = convert(s.backbone, crop)
+    template, residual = (torch.zeros(1, n, n, 3, dtype=torch.uint8) for n in (c.template_size, c.residual_size))
+    seeing, describe = _OfImage(s.backbone), _OfImage(_Describe(network.residual))
+    backbone = convert(seeing, template)
     with torch.inference_mode():
-        maps = s.backbone(crop)
+        maps = seeing(template)
         kernel, polar_kernel = s.encode_template(maps), s.encode_polar_template(maps)
-        described = network.residual.describe(residual)
+        (described,) = describe(residual)
     models = (
         join(backbone, convert(_Encode(s.translation), *maps), c.template_size),
         join(backbone, convert(_Encode(s.polar), *maps), c.polar_size),
         join(backbone, convert(_Correlate(s.translation), kernel, *maps), c.search_size, kernel),
         join(backbone, convert(_Correlate(s.polar), polar_kernel, *maps), c.polar_size, polar_kernel),
-        convert(_Describe(network.residual), residual),
-        convert(_Compare(network.residual), described, residual),
+        convert(describe, residual),
+        convert(_OfImage(_Compare(network.residual)), described, residual),
     )
     models[-2].reshape({0: list(residual.shape)})
     models[-1].reshape({0: list(described.shape), 1: list(residual.shape)})
@@ -173,32 +186,28 @@ class Engine:
 
     def encode_template(self, crop: Image, polar: Image) -> tuple[Floats, Floats]:
         """Template crop and its log-polar crop to the kernels of the two branches; once a target."""
-        return self._encode(_tensor(crop))[0], self._encode_polar(_tensor(polar))[0]
+        return self._encode(crop[None])[0], self._encode_polar(polar[None])[0]
 
     def translation(self, kernel: Floats, crop: Image) -> Shift:
         """Where the target's centre is in the search crop, px from the crop's centre."""
-        logits, offsets = self._translation(kernel, _tensor(crop))
+        logits, offsets = self._translation(kernel, crop[None])
         return _decode(logits, offsets, self.config.stride)
 
     def polar(self, kernel: Floats, crop: Image) -> Shift:
         """Shift of the log-polar crop: log-scale along x, rotation along y, in its pixels."""
-        logits, offsets = self._polar(kernel, _tensor(crop))
+        logits, offsets = self._polar(kernel, crop[None])
         return _decode(logits, offsets, self.config.stride)
 
     def describe(self, crop: Image) -> Floats:
         """What `residual` needs of the template's crop; once a target."""
-        return self._describe(_tensor(crop))[0]
+        return self._describe(crop[None])[0]
 
     def residual(self, template: Floats, crop: Image) -> Residual:
         """Corner offsets from a described template's crop to another, and which parts of the target are seen in it."""
-        outputs = (torch.from_numpy(x) for x in self._compare(template, _tensor(crop)))
-        offsets, visible = self._conclude(*outputs)
+        outputs = self._compare(template, crop[None])
+        with torch.inference_mode():
+            offsets, visible = self._conclude(*(torch.from_numpy(x) for x in outputs))
         return Residual(offsets[0].double().numpy(), visible[0].numpy())
-
-
-def _tensor(crop: Image) -> Floats:
-    """RGB (n, n, 3) to (1, 3, n, n), 0..255."""
-    return np.ascontiguousarray(crop.transpose(2, 0, 1)[None], np.float32)
 
 
 def _decode(logits: Floats, offsets: Floats, stride: int) -> Shift:
