@@ -41,11 +41,17 @@ class Audio:
     def __init__(self, mode: AudioMode, source: Path, ad: Path | None = None, playback: Playback = "loop") -> None:
         """Sound that is asked for but not there is gone on without; that, as other such things, is in `warnings`.
 
+        A silent video that keeps its sound is as it was, and no reason to warn.
+
         source, ad: the files. playback: of the ad; a looped ad's sound is looped with its picture, else it plays once.
         """
         self.warnings: list[str] = []
-        self._source = source if mode in ("source", "mix") and self._has_sound(source, "the video") else None
-        self._ad = ad if mode in ("ad", "mix") and ad and self._has_sound(ad, "the ad") else None
+        self._source = source if mode in ("source", "mix") and _has_sound(source) else None
+        self._ad = ad if mode in ("ad", "mix") and ad and _has_sound(ad) else None
+        if mode == "mix" and self._source is None:
+            self._warn(f"the video {source.name} has no sound: going on without it")
+        if mode in ("ad", "mix") and ad and self._ad is None:
+            self._warn(f"the ad {ad.name} has no sound: going on without it")
         self._loop = playback == "loop"
         self._feed: _Copy | _Encode | None = None
 
@@ -75,20 +81,18 @@ class Audio:
         if self._feed is not None:
             self._feed.close()
 
-    def _has_sound(self, path: Path, name: str) -> bool:
-        try:
-            with av.open(str(path)) as container:
-                found = any(stream.codec_context is not None for stream in container.streams.audio)
-        except (av.FFmpegError, OSError, ValueError):
-            found = False  # an image, say
-        if not found:
-            self._warn(f"{name} {path.name} has no sound: going on without it")
-        return found
-
     def _warn(self, message: str) -> None:
         if message not in self.warnings:
             self.warnings.append(message)
             log.warning(message)
+
+
+def _has_sound(path: Path) -> bool:
+    try:
+        with av.open(str(path)) as container:
+            return any(stream.codec_context is not None for stream in container.streams.audio)
+    except (av.FFmpegError, OSError, ValueError):
+        return False  # an image, say
 
 
 class _Copy:

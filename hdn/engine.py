@@ -5,6 +5,7 @@ Both engines run the same functions of crops; the tracker does not know which it
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -128,7 +129,8 @@ def _torch_functions(network: Hdn, device: torch.device) -> list[Function]:
         return run
 
     residual = _Describe(network.residual), _Compare(network.residual)
-    return [function(m) for m in (*(_Joined(s.backbone, head) for head in heads), *residual)]
+    functions = [function(m) for m in (*(_Joined(s.backbone, head) for head in heads), *residual)]
+    return [*functions, functions[2]]  # a survey is a translation in a larger crop
 
 
 def _openvino_functions(network: Hdn) -> list[Function]:
@@ -152,7 +154,15 @@ def _openvino_functions(network: Hdn) -> list[Function]:
     )
     models[-2].reshape({0: list(residual.shape)})
     models[-1].reshape({0: list(described.shape), 1: list(residual.shape)})
-    return [compiled(model) for model in models]
+    survey = models[2].clone()
+    survey.reshape({0: list(kernel.shape), 1: [1, -1, -1, 3]})
+
+    @cache
+    def surveying() -> Function:
+        return compiled(survey)
+
+    # Compiled only where a target is lost.
+    return [*(compiled(model) for model in models), lambda *inputs: surveying()(*inputs)]
 
 
 def choose_device(name: str) -> torch.device:
@@ -181,7 +191,15 @@ class Engine:
         else:
             self.description = f"PyTorch on {chosen.type}"
             functions = _torch_functions(network, chosen)
-        self._encode, self._encode_polar, self._translation, self._polar, self._describe, self._compare = functions
+        (
+            self._encode,
+            self._encode_polar,
+            self._translation,
+            self._polar,
+            self._describe,
+            self._compare,
+            self._survey,
+        ) = functions
         self._conclude = network.residual.conclude
 
     def encode_template(self, crop: Image, polar: Image) -> tuple[Floats, Floats]:
@@ -189,8 +207,12 @@ class Engine:
         return self._encode(crop[None])[0], self._encode_polar(polar[None])[0]
 
     def translation(self, kernel: Floats, crop: Image) -> Shift:
-        """Where the target's centre is in the search crop, px from the crop's centre."""
-        logits, offsets = self._translation(kernel, crop[None])
+        """Where the target's centre is in a search crop, px from the crop's centre.
+
+        Args: crop: (n, n, 3) of the configuration's size; or (h, w, 3) of other ones that `survey_size` makes.
+        """
+        usual = crop.shape[:2] == (self.config.search_size,) * 2
+        logits, offsets = (self._translation if usual else self._survey)(kernel, crop[None])
         return _decode(logits, offsets, self.config.stride)
 
     def polar(self, kernel: Floats, crop: Image) -> Shift:
@@ -210,16 +232,22 @@ class Engine:
         return Residual(offsets[0].double().numpy(), visible[0].numpy())
 
 
+def survey_size(length: float) -> int:
+    """Width or height of a search crop, px, in which the target's centre is found anywhere along a length about its
+    middle: of those with a cell there."""
+    step, least = 16, 63  # two cells; one that takes in the template's centre alone, however it lies on the cells
+    return least + step * int(np.ceil(max(length, 1) / step))
+
+
 def _decode(logits: Floats, offsets: Floats, stride: int) -> Shift:
     """The shift at the most probable cell, refined by its neighbours' votes; see `losses.grid_points` for the grid."""
     offsets = offsets[:, :: offsets.shape[1] // 2]  # of four, the first and the third count
     score = 1 / (1 + np.exp(np.minimum(logits[0, 0] - logits[0, 1], 20)))  # softmax of two, never quite zero
-    n = score.shape[0]
-    row, column = divmod(int(score.argmax()), n)
+    row, column = divmod(int(score.argmax()), score.shape[1])
     rows, columns = slice(max(row - 1, 0), row + 2), slice(max(column - 1, 0), column + 2)
     weight = score[rows, columns] ** 4
-    grid = (np.arange(n) - n // 2) * float(stride)
-    x = grid[None, columns] - offsets[0, 0, rows, columns] * stride
-    y = grid[rows, None] - offsets[0, 1, rows, columns] * stride
+    down, across = ((np.arange(n) - n // 2) * float(stride) for n in score.shape)
+    x = across[None, columns] - offsets[0, 0, rows, columns] * stride
+    y = down[rows, None] - offsets[0, 1, rows, columns] * stride
     total = weight.sum()
     return Shift(float((x * weight).sum() / total), float((y * weight).sum() / total), float(score[row, column]))

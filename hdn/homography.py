@@ -93,6 +93,11 @@ def area(quad: Array) -> float:
     return 0.5 * float(x[:-1] @ y[1:] - y[:-1] @ x[1:] + x[-1] * y[0] - y[-1] * x[0])
 
 
+def side(quad: Array) -> float:
+    """Side of the square of the same area as a polygon (n, 2), px: its size, whatever its shape."""
+    return float(np.sqrt(abs(area(quad))))
+
+
 def is_convex(quad: Array) -> bool:
     """Whether a quad (4, 2) is convex and not self-crossing: all its turns go the same way."""
     edges = quad[[1, 2, 3, 0]] - quad

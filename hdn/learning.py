@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .agreement import CELLS, SURELY, Grey
 from .blur import blurred
-from .homography import Array, area, from_corners, square, transform
+from .homography import Array, from_corners, side, square, transform
 from .observation import Observation
 from .refinement import Alignment, Refiner
 from .sampling import Image, Pyramid
@@ -69,8 +69,7 @@ class Views:
 
     def offer(self, index: int, frame: Observation, estimate: Estimate) -> None:
         """Keeps a frame if it shows the target clearly better than the first view, and adds to those kept."""
-        size = np.sqrt(abs(area(estimate.corners)))
-        if estimate.state != "tracked" or estimate.deviation > CERTAIN * size:
+        if estimate.state != "tracked" or estimate.deviation > CERTAIN * side(estimate.corners):
             return
         homography = from_corners(self._quad, estimate.corners)
         sharpness = self._sharpness(frame, homography)

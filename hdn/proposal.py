@@ -9,15 +9,17 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from .engine import Engine, Floats
+from .engine import Engine, Floats, survey_size
 from .evidence import SEEN, TRUSTED_SCORE
-from .homography import Array, from_corners, is_convex, normalised, similarity, square, translation
+from .homography import Array, from_corners, is_convex, normalised, similarity, square, transform, translation
 from .observation import Observation
 from .polar import polar_points
 from .sampling import Image, Pyramid
 
 FAR = 4.0  # px of the residual crop that its corners are off by, on average, from which a second look is worth it
 CLEAR = 0.8  # share of the target seen, from which nothing hides it
+SIZES = (1.0, 0.6, 1.6)  # of the last pose's, in which a lost target is looked for
+MOST_PIXELS = 600_000  # of a crop that shows the whole frame
 
 Stage = Literal["similarity", "residual", "refinement"]
 
@@ -62,11 +64,6 @@ class Proposer:
         self.outline = from_corners(square(c.residual_size), view)  # residual crop to template
         self.template = engine.describe(frame.colour.crop(self.outline, c.residual_size, c.residual_size))
 
-    @property
-    def reach(self) -> float:
-        """How far from its middle one search crop finds the target, px of the reference frame."""
-        return (self.config.search_size - self.config.template_size) * self.unit
-
     def propose(self, frame: Pyramid, start: Array) -> Proposal:
         """The stages, from a pose (3, 3), in a colour frame."""
         homography, score, polar_score = start, 1.0, 1.0
@@ -82,10 +79,30 @@ class Proposer:
                     homography, length, visible = there, its_length, its_visible
         return Proposal(normalised(homography), score, polar_score, length, visible)
 
-    def score(self, frame: Pyramid, start: Array) -> float:
-        """The translation branch's score about a pose (3, 3)."""
-        n = self.config.search_size
-        return self.engine.translation(self.kernels[0], self._crop(frame, start @ self._window(n), n)).score
+    def survey(self, frame: Pyramid, last: Array) -> Array:
+        """Where in the whole frame a lost target is likeliest: a pose (3, 3), upright and as large as the score says.
+
+        The translation branch looks at the frame as a single crop, once for each of a few sizes of the target.
+
+        Args: last: (3, 3) the pose before it was lost, in whose rotation and about whose size it is looked for.
+        """
+        rotation, size = _rotation_and_scale(last, self.centre)
+        extent = np.array(frame.size, float)
+        frame_centre = (extent - 1) / 2
+        best, start = -1.0, last
+        for scale in SIZES:
+            pixel = self.unit * size * scale  # of the crop, in the frame's
+            turned = translation(*frame_centre) @ similarity(pixel, rotation, 0, 0)
+            corners = transform(np.asarray(np.linalg.inv(turned)), frame_centre + square(1) * extent)
+            width, height = (survey_size(2 * length) for length in np.abs(corners).max(0))
+            if width * height > MOST_PIXELS:
+                continue
+            crop = frame.crop(turned @ translation(-(width - 1) / 2, -(height - 1) / 2), width, height, self.fill)
+            shift = self.engine.translation(self.kernels[0], crop)
+            if shift.score > best:
+                to_crop = similarity(1 / self.unit, 0, 0, 0) @ translation(*-self.centre)
+                best, start = shift.score, turned @ translation(shift.x, shift.y) @ to_crop
+        return start
 
     def _similarity(self, frame: Pyramid, start: Array) -> tuple[Array, float, float]:
         """Translation, then rotation and scale on a log-polar crop about where it led; also the branches' scores."""
@@ -135,3 +152,10 @@ class Proposer:
         """Log-polar crop about a crop's centre."""
         points = self._points + np.float32((crop.shape[0] - 1) / 2)
         return np.asarray(cv2.remap(crop, points, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+
+
+def _rotation_and_scale(homography: Array, at: Array) -> tuple[float, float]:
+    """Of the similarity that is nearest to a homography (3, 3) about a point: radians, and a ratio of lengths."""
+    middle, right, below = transform(homography, np.array([[0.0, 0], [1, 0], [0, 1]]) + at)
+    (a, c), (b, d) = right - middle, below - middle
+    return float(np.arctan2(c - b, a + d)), float(np.sqrt(abs(a * d - b * c)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .agreement import CELLS, Agreement, Grey, cell_means
 from .blur import between
-from .homography import Array, area, from_corners, normalised, transform
+from .homography import Array, area, from_corners, normalised, side, transform
 from .lucas_kanade import Level, outline
 from .sampling import Pyramid
 
@@ -114,7 +114,7 @@ class Refiner:
         """
         blur = self._blur(frame, alignment)
         variance = float(np.abs(np.linalg.eigvalsh(blur)).max())
-        shown = np.sqrt(abs(area(transform(alignment.homography, self._quad))))
+        shown = side(transform(alignment.homography, self._quad))
         is_fine = shown > 0.7 * np.sqrt(self._finest.width * self._finest.height) and variance < COARSE
         level = self._finest if is_fine else self._usual
         if variance > BLURRED:

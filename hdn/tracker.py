@@ -12,7 +12,7 @@ from .agreement import CELLS
 from .engine import Engine, Floats
 from .errors import InputError
 from .evidence import FIX, SEEN, TRUSTED_SCORE, Evidence, calibrated, is_fix, is_hint, is_sure_fix
-from .homography import Array, area, is_convex, normalised, similarity, transform, translation
+from .homography import Array, area, is_convex, normalised, side, transform
 from .observation import Observation
 from .proposal import Proposal, Proposer, Stage
 from .redetection import Redetector
@@ -28,13 +28,12 @@ SURE = 0.85  # agreement beyond which no other start is tried
 ATTACHED_PX, ATTACHED_SHARE = 1.5, 0.15
 # Covariance that a step with the surroundings adds: 0.3 px at the crop's edge, half of it for perspective.
 CARRIED = np.diag(np.square([0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15, 0.15]))
-SCALES = (1.0, 0.6, 1.0, 1.6)  # of the last pose, at which a lost target is looked for, in turn
-MOST_WINDOWS = 16  # looked at in one frame
 MIN_SIDE = 16  # px: a smaller target shows too little to track
-# Standard deviation of the corners up to which a target counts as tracked: px, or as a share of its size. Of the drawn
-# clips of `hdn-analyse states`, seed 1, it drops one good pose of a thousand, and 17 of 20 wrong ones.
-KNOWN_PX, KNOWN_SHARE = 1.0, 0.04
-SHOWN = 0.35  # agreement under which it does not: half of these poses are over 5 px off, on the same clips
+# Standard deviation of the corners up to which a target counts as tracked: px, or as a share of its size. Then the
+# agreement, and the patch of the whole target that hangs together, without which it does not. Of the drawn clips of
+# `hdn-analyse states`, seeds 1 and 21, these three drop one good pose in forty, and more than half of the wrong ones.
+KNOWN_PX, KNOWN_SHARE = 1.0, 0.025
+SHOWN, PIECE = 0.35, 0.15
 HOLD_FRAMES = 20  # frames without a fix after which a held target counts as lost
 
 
@@ -151,7 +150,7 @@ class Tracker:
                 self._carry_on(seen.grey)
             self.missed += 1
         self._seen = (seen.grey, *self._seen[:1])
-        shown = found and finding.evidence.agreement >= SHOWN
+        shown = found and finding.evidence.agreement >= SHOWN and finding.evidence.cohesion >= PIECE
         known = shown and self._is_known(self.homography, self.covariance)
         state: State = "tracked" if known else "held" if self.missed <= HOLD_FRAMES else "lost"
         confidence = calibrated(finding.evidence.agreement) * (1.0 if found else 0.5)
@@ -172,8 +171,8 @@ class Tracker:
         """Whether the corners of a pose are as sure as 'tracked' promises; HDN alone does not say how sure they are."""
         if "refinement" not in self.stages:
             return True
-        size = np.sqrt(abs(area(transform(homography, self.quad))))
-        return self.refiner.deviation(homography, covariance) <= max(KNOWN_PX, KNOWN_SHARE * size)
+        known = max(KNOWN_PX, KNOWN_SHARE * side(transform(homography, self.quad)))
+        return self.refiner.deviation(homography, covariance) <= known
 
     def _carry_on(self, grey: Pyramid) -> None:
         """Moves the pose of a hidden target with its surroundings, if that is what it does."""
@@ -230,31 +229,14 @@ class Tracker:
         return best
 
     def _search(self, seen: Observation) -> "_Finding":
-        """Looks for a lost target anywhere in the frame: by keypoints, in every other frame, else by HDN's windows."""
+        """Looks for a lost target anywhere in the frame: by keypoints, in every other frame, else by HDN."""
         found = self.redetector.find(seen) if self.missed % 2 == 0 else None
         if found is not None and self._plausible(found):
             # Keypoints vouch for it as HDN would.
             proposal = Proposal(found, 1.0, 1.0, 0.0, np.ones((1, 1), np.float32))
         else:
-            proposal = self.proposer.propose(seen.colour, self._sweep(seen.colour))
+            proposal = self.proposer.propose(seen.colour, self.proposer.survey(seen.colour, self.homography))
         return self._refine(seen.grey, proposal.homography, proposal)
-
-    def _sweep(self, colour: Pyramid) -> Array:
-        """The last pose, moved to the window of the frame whose translation score is best, at one scale a frame."""
-        scale = SCALES[self.missed % len(SCALES)]
-        size = scale * np.sqrt(abs(area(transform(self.homography, self.quad)) / area(self.quad)))
-        columns, rows = (max(1, round(side / (self.proposer.reach * size))) for side in colour.size)
-        if columns * rows > MOST_WINDOWS:
-            return self.homography
-        here = transform(self.homography, self.proposer.centre[None])[0]
-        smaller = similarity(scale, 0, 0, 0) @ translation(*-here) @ self.homography
-        width, height = colour.size[0] / columns, colour.size[1] / rows
-        starts = [
-            translation((column + 0.5) * width, (row + 0.5) * height) @ smaller
-            for row in range(rows)
-            for column in range(columns)
-        ]
-        return max(starts, key=lambda start: self.proposer.score(colour, start))
 
     def _refine(self, grey: Pyramid, start: Array, proposal: Proposal, covariance: Array = LOOSE) -> "_Finding":
         """Photometric alignment from a start, and what it says of it together with a proposal."""
@@ -313,7 +295,7 @@ def _unrefined(proposal: Proposal) -> _Finding:
     """A proposal taken as it is, judged by its scores alone."""
     visible = float(proposal.visible.mean())
     found = min(proposal.score, proposal.polar_score) >= TRUSTED_SCORE and visible >= SEEN
-    evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, visible, float(found))
+    evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, visible, float(found), float(found))
     return _Finding(proposal.homography, evidence, _cells(proposal.visible))
 
 

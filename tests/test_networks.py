@@ -9,7 +9,7 @@ import torch
 
 from hdn.config import COMPACT, PAPER
 from hdn.engine import Engine, _decode
-from hdn.homography import dlt, project, square, transform
+from hdn.homography import dlt, from_corners, project, side, square, transform
 from hdn.observation import Observation
 from hdn.polar import polar_crop, polar_points
 from hdn.proposal import FAR, Proposer
@@ -79,6 +79,23 @@ def test_translation_finds_the_centre_of_a_turned_target(engine: Engine, rotatio
     n = COMPACT.search_size
     found = engine.translation(proposer.kernels[0], proposer._crop(frame, proposer._window(n), n))
     assert np.linalg.norm(np.array([found.x, found.y]) * proposer.unit - shift) < 4
+
+
+@pytest.mark.parametrize("library", ["openvino", "torch"])
+@pytest.mark.parametrize("centre", [(30, 40), (290, 60), (120, 215)])
+def test_a_survey_finds_the_target_anywhere_in_the_frame(
+    network: Hdn, library: str, centre: tuple[float, float]
+) -> None:
+    """Turned as before, of another size, in part beyond the frame's edge."""
+    scene = Scene()
+    engine = Engine(network, "cpu", library)
+    proposer = Proposer(engine, Observation(scene.draw(scene.quad)), scene.quad, frozenset({"similarity"}))
+    last = moved(scene.quad, (0, 0), 1.0, 0.9)
+    there = moved(last, tuple(np.array(centre) - last.mean(0)), 0.7)
+    start = proposer.survey(Observation(scene.draw(there)).colour, from_corners(scene.quad, last))
+    found = transform(start, scene.quad)
+    assert np.linalg.norm(found.mean(0) - there.mean(0)) < 8
+    assert error(found, there) < 0.35 * side(there)
 
 
 def test_what_is_far_off_is_looked_at_twice(engine: Engine) -> None:

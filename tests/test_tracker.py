@@ -84,15 +84,15 @@ def test_partly_covered_is_still_tracked_with_less_confidence(tracker: Tracker, 
     assert estimate.visibility[:, 3:].mean() > 0.8
 
 
-def test_behind_a_bar_that_hides_two_thirds_it_is_still_tracked(tracker: Tracker, scene: Scene) -> None:
+def test_behind_a_bar_that_hides_two_thirds_it_is_still_followed(tracker: Tracker, scene: Scene) -> None:
     for step in range(1, 11):
         truth = moved(scene.quad, (1.5 * step, -step))
         frame = scene.draw(truth)
         left = int(truth[0, 0])
         frame[:, left : left + int(7.8 * step)] = (120, 120, 118)
         estimate = tracker.track(frame)
-        assert estimate.state == "tracked"
-        assert error(estimate.corners, truth) < 6
+        assert estimate.state == "tracked" or step > 8  # then its far corners are too unsure
+        assert error(estimate.corners, truth) < 3
 
 
 @pytest.mark.parametrize(
