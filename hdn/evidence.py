@@ -9,6 +9,11 @@ SEEN = 0.15  # share of the target that the residual component sees, below which
 FIX, PATCH = 0.4, 0.1
 CONSISTENT = 0.6
 HINT = 0.04  # a patch that is followed, though it makes no fix
+# Share of the border, and of the target as the residual component sees it, that make up for cells that do not agree:
+# light on a target of little texture changes most of them.
+BORDERED, SEEN_WITHIN = 0.65, 0.3
+# Without which a target that was found is not shown surely enough to count as tracked.
+SHOWN, PIECE = 0.35, 0.15
 FIX_WITHOUT_HDN, PATCH_WITHOUT_HDN = 0.55, 0.2  # the same where HDN takes the pair for a negative one
 # The share of cells that agree where nothing of the target is seen, and where all of it is: the mean of either over the
 # drawn clips of `hdn-analyse states`, seed 1.
@@ -25,6 +30,7 @@ class Evidence:
         visible: share of the target that the residual component sees; negatives pull it to zero too.
         agreement: share of the target's visible cells that agree with the template after refinement, 0..1.
         cohesion: the largest adjoining patch of it, as a share of the whole target.
+        border: share of the border that is where it should be, of a target that is placed by it; else 0.
     """
 
     score: float = 0.0
@@ -33,6 +39,17 @@ class Evidence:
     visible: float = 0.0
     agreement: float = 0.0
     cohesion: float = 0.0
+    border: float = 0.0
+
+    @property
+    def is_bordered(self) -> bool:
+        """Whether the border speaks for the target, without its cells."""
+        return self.border >= BORDERED and self.visible >= SEEN_WITHIN
+
+    @property
+    def support(self) -> float:
+        """The share of the target, of its cells or of its border, that speaks for it, 0..1."""
+        return max(self.agreement, self.border if self.is_bordered else 0.0)
 
 
 def is_fix(evidence: Evidence) -> bool:
@@ -43,12 +60,17 @@ def is_fix(evidence: Evidence) -> bool:
     """
     if evidence.visible < SEEN:
         return is_sure_fix(evidence)
-    return evidence.agreement >= FIX or (evidence.cohesion >= PATCH and _is_consistent(evidence))
+    return evidence.support >= FIX or (evidence.cohesion >= PATCH and _is_consistent(evidence))
 
 
 def is_sure_fix(evidence: Evidence) -> bool:
     """Whether the photometric agreement alone says so, as it has to where a frame was searched for a lost target."""
     return evidence.agreement >= FIX_WITHOUT_HDN or evidence.cohesion >= PATCH_WITHOUT_HDN
+
+
+def is_shown(evidence: Evidence) -> bool:
+    """Whether enough of a target that was found is seen to count as tracked."""
+    return evidence.is_bordered or (evidence.agreement >= SHOWN and evidence.cohesion >= PIECE)
 
 
 def calibrated(agreement: float) -> float:

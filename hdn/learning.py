@@ -124,18 +124,16 @@ class Views:
 
     def _aligned(self, best: "_View") -> list[Array]:
         """Where the views show what the best one does: homographies (3, 3) from its image to theirs."""
-        refiner = Refiner(Observation(best.image).grey, self._outline)
+        refiner = Refiner(Observation(best.image), self._outline)
         return [
-            np.eye(3) if view is best else refiner.align(Observation(view.image).grey, np.eye(3)).homography
+            np.eye(3) if view is best else refiner.align(Observation(view.image), np.eye(3)).homography
             for view in self._later
         ]
 
     def _agreed(self, images: list[Image], consensus: Image) -> Grey:
         """Sharpness (n, 4, 8, 8) of the views' pieces; 0 where a view does not show what enough of them do."""
-        judge = Refiner(Observation(consensus).grey, self._outline)
-        agrees = np.array(
-            [judge.agreement(Observation(image).grey, np.eye(3)).correlation > SURELY for image in images]
-        )
+        judge = Refiner(Observation(consensus), self._outline)
+        agrees = np.array([judge.agreement(Observation(image), np.eye(3)).correlation > SURELY for image in images])
         agrees &= agrees.sum(0) >= FEWEST
         return np.array([view.sharpness for view in self._later]) * agrees[:, None]
 
@@ -145,11 +143,11 @@ class Views:
         Args: place: (4, 2) where the target is expected in it.
         Returns: None where it agrees too little, is too uncertain, or lies elsewhere than tracking said: it drifted.
         """
-        anchor, grey = Refiner(Observation(self._first.image).grey, self._outline), Observation(template).grey
+        anchor = Refiner(Observation(self._first.image), self._outline)
         trust = np.maximum(sure, 0.01).astype(np.float32)  # else nothing might be left to align by
         pose = from_corners(self._outline, place)
         for _ in range(3):  # blur and pose depend on each other
-            alignment = anchor.align(_blurred(grey, _blur(anchor, grey, pose)), pose, trust)
+            alignment = anchor.align(_blurred(template, _blur(anchor, template, pose)), pose, trust)
             pose = alignment.homography
         off = float(np.sqrt(np.square(transform(pose, self._outline) - place).sum(-1).mean()))
         uncertain = max(off, anchor.deviation(pose, alignment.covariance)) > CERTAIN * LONGEST
@@ -195,14 +193,14 @@ class _View(NamedTuple):
     sharpness: Grey
 
 
-def _blur(anchor: Refiner, grey: Pyramid, pose: Array) -> Array:
+def _blur(anchor: Refiner, template: Image, pose: Array) -> Array:
     """Covariance (2, 2), px^2, of the Gaussian that makes a template, at a pose, most like the first view.
 
     Tried out, since the first view may be blurred by far more than what `blur.between` linearises.
     """
 
     def likeness(covariance: Array) -> float:
-        return float(np.maximum(anchor.agreement(_blurred(grey, covariance), pose).correlation, 0).mean())
+        return float(np.maximum(anchor.agreement(_blurred(template, covariance), pose).correlation, 0).mean())
 
     none = np.zeros((2, 2))
     steps = [s**2 * np.outer(d, d) for s in BLURS for d in ((np.cos(a), np.sin(a)) for a in np.arange(8) * np.pi / 8)]
@@ -210,5 +208,5 @@ def _blur(anchor: Refiner, grey: Pyramid, pose: Array) -> Array:
     return max([best, *(best + s**2 * np.eye(2) for s in BLURS)], key=likeness)
 
 
-def _blurred(grey: Pyramid, covariance: Array) -> Pyramid:
-    return Pyramid(np.asarray(blurred(grey.levels[0].astype(np.float32), covariance) + 0.5, np.uint8))
+def _blurred(image: Image, covariance: Array) -> Observation:
+    return Observation(np.asarray(blurred(image.astype(np.float32), covariance) + 0.5, np.uint8))

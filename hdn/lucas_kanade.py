@@ -12,6 +12,7 @@ import numpy as np
 
 from .agreement import CELLS, Cells, Grey
 from .blur import blurred, normalise, shares, tukey
+from .border import NOTHING, Pull
 from .homography import Array, from_corners, normalised, square, transform
 from .sampling import Pyramid
 
@@ -107,18 +108,22 @@ class Level:
         """Of each cell (8, 8) of the template with that of a frame as `rectify` makes it."""
         return self._whole.correlation(search)
 
-    def align(self, search: Grey, trust: Grey, expected: Array, covariance: Array) -> tuple[Array, Array]:
+    def align(
+        self, search: Grey, trust: Grey, expected: Array, covariance: Array, pull: Pull = NOTHING
+    ) -> tuple[Array, Array]:
         """Warp (3, 3), template pixels to pixels of the search crop, and its covariance (8, 8), px^2 at the edge.
 
         Args:
             search: (h, w) what `rectify` made.
             trust: (8, 8) weights of the target's cells, 0..1.
             expected: (3, 3) the warp that is likeliest without a look; covariance: (8, 8) how surely.
+            pull: what the target's border says.
         """
         trusted = trust[self._cells]
         counts = trusted > 0.5 * trusted.max()
-        information = np.linalg.inv(covariance) / self._pixel**2
-        mean = self._parameters(expected)
+        likely = np.linalg.inv(covariance) / self._pixel**2
+        information = likely + pull.information
+        weighted_mean = likely @ self._parameters(expected) + pull.weighted
         warp = np.eye(3)
         least = 0.05 * float(np.median(self._certainty))
         for _ in range(STEPS):
@@ -133,15 +138,22 @@ class Level:
             weight = tukey(certain / noise) * trusted * np.square(self._certainty)
             weighted = self._jacobian * weight[:, None]
             # What the visible part cannot tell stays near what is expected.
-            prior = self._same * noise**2 * information
-            hessian = (weighted.T @ self._jacobian).astype(np.float64) + prior
-            right = (weighted.T @ error).astype(np.float64) + prior @ (self._parameters(warp) - mean)
+            scale = self._same * noise**2
+            hessian = (weighted.T @ self._jacobian).astype(np.float64) + scale * information
+            right = (weighted.T @ error).astype(np.float64)
+            right += scale * (information @ self._parameters(warp) - weighted_mean)
             step = np.linalg.solve(hessian, right)
             increment = np.append(step, 0).reshape(3, 3) + np.eye(3)
             warp = normalised(warp @ self._from_unit @ np.linalg.inv(increment) @ self._to_unit)
             if np.abs(step).max() * max(self.width, self.height) / 2 < STILL:
                 break
         return warp, self._same * noise**2 * np.linalg.inv(hessian) / self._pixel**2
+
+    @property
+    def uncertainty(self) -> Array:
+        """Covariance (8, 8), as `align` tells it, where all is seen in as much noise as frames may have."""
+        certain = self._jacobian.astype(np.float64) * self._certainty[:, None]
+        return np.asarray(self._same * np.linalg.inv(certain.T @ certain + 1e-6 * np.eye(8)) / self._pixel**2)
 
     def moved(self, warp: Array) -> float:
         """How far a warp (3, 3) moves the crop's corners, px of the usual crop."""

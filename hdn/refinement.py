@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from .agreement import CELLS, Agreement, Grey, cell_means
 from .blur import between
+from .border import NOTHING, Border
 from .homography import Array, area, from_corners, normalised, side, transform
 from .lucas_kanade import Level, outline
-from .sampling import Pyramid
+from .observation import Observation
 
 ALIGNED = 0.7  # correlation that the best cells reach once the crop is nearly aligned
 EVERYWHERE: Grey = np.ones((CELLS, CELLS), np.float32)
@@ -23,6 +24,9 @@ SETTLED = 0.3  # px of the usual crop that an alignment moves the corners by, un
 ALIKE = 0.97  # correlation of the cells, from which template and frame are taken to be equally sharp
 BLURRED, COARSE = 0.3, 4.0  # px^2 of the usual crop: blur that is matched; and that leaves nothing finer to see
 LESS = 0.75  # of what a typical cell's correlation lacks to 1 must be left after matching: noise gains a little as well
+# Deviation of the corners, as a share of the target's size, that its texture leaves even where all of it is seen, from
+# which its border counts as well: three times that of usual prints.
+VAGUE = 0.005
 # How far off a start may be where nothing better is known: covariance of the eight parameters, px^2 at the edge of the
 # usual crop; affine four, translation free, perspective.
 LOOSE = np.diag(np.square([5.0, 5, 100, 5, 5, 100, 2, 2]))
@@ -50,6 +54,7 @@ class Alignment:
         expected: what it started from.
         blur: (2, 2) px^2 of the usual crop, covariance by which the frame is blurred more than the template; negative
             where less; 0 where it makes no difference.
+        border: share of the target's border that is there, where its texture is too little to place it; else 0.
     """
 
     homography: Array
@@ -58,14 +63,15 @@ class Alignment:
     moved: float
     expected: Expectation
     blur: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    border: float = 0.0
 
 
 class Refiner:
     """Aligns frames to one template."""
 
-    def __init__(self, frame: Pyramid, quad: Array) -> None:
+    def __init__(self, frame: Observation, quad: Array) -> None:
         """Args:
-        frame: grey pyramid of the reference frame.
+        frame: the reference frame.
         quad: (4, 2) the target's corners in it.
         """
         self._quad = quad
@@ -74,12 +80,15 @@ class Refiner:
         longest = max(24.0, min(USUAL, size.max()))
         usual, finest = (_size(size, longest * times) for times in (1, np.clip(size.max() / longest, 1, FINEST)))
         self._coarse, self._usual, self._finest = (
-            Level(frame, quad, side, blur, max(usual), points)
-            for side, blur, points in ((_size(size, longest / 2), 1.0, 2000), (usual, 0.8, 4000), (finest, 0.8, 8000))
+            Level(frame.grey, quad, longer, blur, max(usual), points)
+            for longer, blur, points in ((_size(size, longest / 2), 1.0, 2000), (usual, 0.8, 4000), (finest, 0.8, 8000))
         )
+        is_vague = self.deviation(np.eye(3), self._usual.uncertainty) > VAGUE * side(quad)
+        borders = [Border(frame.colour, v.to_template, v.width, v.height) for v in (self._coarse, self._usual)]
+        self._borders = borders if is_vague and all(border.exists for border in borders) else []
         y, x = np.mgrid[:CELLS, :CELLS]
         self._cell_centres = transform(from_corners(outline(CELLS, CELLS), quad), np.stack([x, y], -1))
-        raw = frame.crop(self._usual.to_template, *usual).astype(np.float32)
+        raw = frame.grey.crop(self._usual.to_template, *usual).astype(np.float32)
         energy = cell_means(np.abs(raw - cv2.GaussianBlur(raw, (0, 0), max(usual) / 14)))
         typical = float(np.median(energy))
         # Texture that is not mere noise: two grey levels of deviation, or a fair share of the target's own.
@@ -87,7 +96,7 @@ class Refiner:
         # Less than that, and light that moves over it may pass for something that hides it.
         self._telling = self.textured & (energy > 0.5 * typical)
 
-    def align(self, frame: Pyramid, start: Array, seen: Grey = EVERYWHERE, covariance: Array = LOOSE) -> Alignment:
+    def align(self, frame: Observation, start: Array, seen: Grey = EVERYWHERE, covariance: Array = LOOSE) -> Alignment:
         """Finds the pose at which the frame fits the template, as far as what is expected allows.
 
         Args:
@@ -97,7 +106,9 @@ class Refiner:
         """
         return self.settle(frame, self.approach(frame, start, seen, covariance))
 
-    def approach(self, frame: Pyramid, start: Array, seen: Grey = EVERYWHERE, covariance: Array = LOOSE) -> Alignment:
+    def approach(
+        self, frame: Observation, start: Array, seen: Grey = EVERYWHERE, covariance: Array = LOOSE
+    ) -> Alignment:
         """As `align`, but for the last fractions of a pixel: enough to judge by, and far cheaper."""
         expected = Expectation(start, covariance, seen)
         alignment = self._step(self._coarse, frame, start, expected)
@@ -105,9 +116,11 @@ class Refiner:
             alignment = self._step(self._usual, frame, alignment.homography, expected)
             if alignment.moved < SETTLED:
                 break
+        if self._borders:
+            alignment = replace(alignment, border=self._borders[-1].share(frame.colour, alignment.homography))
         return alignment
 
-    def settle(self, frame: Pyramid, alignment: Alignment) -> Alignment:
+    def settle(self, frame: Observation, alignment: Alignment) -> Alignment:
         """The last fractions of a pixel of what `approach` found, at the size and the blur at which the frame shows it.
 
         The blurrier of template and frame sets how blurred both are compared, if that makes them agree clearly better.
@@ -132,14 +145,14 @@ class Refiner:
         derivative = np.stack([x, y], 1)
         return np.asarray(derivative @ alignment.blur @ derivative.T)
 
-    def _blur(self, frame: Pyramid, alignment: Alignment) -> Array:
+    def _blur(self, frame: Observation, alignment: Alignment) -> Array:
         """How much more the frame blurs the target than the template, (2, 2) px^2 of the usual crop; 0 where alike."""
         if self._best(alignment.agreement.correlation) < ALIGNED or _typical(alignment.agreement) > ALIKE:
             return np.zeros((2, 2))
         trust = self._trust(alignment.agreement.correlation) * alignment.expected.seen
         level = self._usual
         trusted = cv2.resize(trust, (level.width, level.height), interpolation=cv2.INTER_NEAREST)
-        return between(level.raw, level.look(frame, alignment.homography), trusted, level.window)
+        return between(level.raw, level.look(frame.grey, alignment.homography), trusted, level.window)
 
     def deviation(self, homography: Array, covariance: Array) -> float:
         """Standard deviation of the corners, px of the frame: the root of its mean square over them."""
@@ -148,21 +161,24 @@ class Refiner:
         size = area(transform(homography, self._quad)) / (level.width * level.height)
         return float(np.sqrt(spread * abs(size)))
 
-    def agreement(self, frame: Pyramid, homography: Array) -> Agreement:
+    def agreement(self, frame: Observation, homography: Array) -> Agreement:
         """Compares the frame, rectified by a homography, with the template."""
         return self._compare(self._usual, frame, homography)[1]
 
-    def _step(self, level: Level, frame: Pyramid, homography: Array, expected: Expectation) -> Alignment:
+    def _step(self, level: Level, frame: Observation, homography: Array, expected: Expectation) -> Alignment:
         """One alignment at one level, from a pose that the steps before led to."""
         search, agreement = self._compare(level, frame, homography)
         expected_warp = level.from_template @ np.linalg.inv(homography) @ expected.homography @ level.to_template
         trust = self._trust(agreement.correlation) * expected.seen
-        warp, posterior = level.align(search, trust, expected_warp, expected.covariance)
+        pull = NOTHING
+        if self._borders:
+            pull = self._borders[level is not self._coarse].pull(frame.colour, homography)
+        warp, posterior = level.align(search, trust, expected_warp, expected.covariance, pull)
         found = normalised(homography @ level.to_template @ warp @ level.from_template)
         return Alignment(found, agreement, posterior, level.moved(warp), expected)
 
-    def _compare(self, level: Level, frame: Pyramid, homography: Array) -> tuple[Grey, Agreement]:
-        search = level.rectify(frame, homography)
+    def _compare(self, level: Level, frame: Observation, homography: Array) -> tuple[Grey, Agreement]:
+        search = level.rectify(frame.grey, homography)
         return search, Agreement(level.correlation(search), self._in_frame(frame, homography), self.textured)
 
     def _trust(self, correlation: Grey) -> Grey:
@@ -182,9 +198,9 @@ class Refiner:
         """How well a clear cell agrees, in this frame's blur and noise: the best cells show it."""
         return float(np.quantile(correlation[self.textured], 0.9)) if self.textured.any() else 0.0
 
-    def _in_frame(self, frame: Pyramid, homography: Array) -> NDArray[np.bool_]:
+    def _in_frame(self, frame: Observation, homography: Array) -> NDArray[np.bool_]:
         seen = transform(homography, self._cell_centres)
-        w, h = frame.size
+        w, h = frame.colour.size
         return np.asarray(((seen > -0.5) & (seen < [w - 0.5, h - 0.5])).all(-1))
 
 

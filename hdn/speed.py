@@ -145,7 +145,7 @@ class Compact:
         begin = clock()
         proposal = tracker.propose(observation).homography
         proposed = clock()
-        tracker.refiner.align(observation.grey, proposal)
+        tracker.refiner.align(observation, proposal)
         refined = clock()
         parts = {
             "translation": done["translation"] - begin,

@@ -11,7 +11,7 @@ from . import weights
 from .agreement import CELLS
 from .engine import Engine, Floats
 from .errors import InputError
-from .evidence import FIX, SEEN, TRUSTED_SCORE, Evidence, calibrated, is_fix, is_hint, is_sure_fix
+from .evidence import FIX, SEEN, TRUSTED_SCORE, Evidence, calibrated, is_fix, is_hint, is_shown, is_sure_fix
 from .homography import Array, area, is_convex, normalised, side, transform
 from .observation import Observation
 from .proposal import Proposal, Proposer, Stage
@@ -22,18 +22,17 @@ from .surroundings import surrounding_motion
 
 State = Literal["tracked", "held", "lost"]
 
-SURE = 0.85  # agreement beyond which no other start is tried
+SURE = 0.85  # support beyond which no other start is tried
 # How far a target's step may differ from that of its surroundings for it to be taken as fixed among them: mean over the
 # corners, px, or as a share of the step's length.
 ATTACHED_PX, ATTACHED_SHARE = 1.5, 0.15
 # Covariance that a step with the surroundings adds: 0.3 px at the crop's edge, half of it for perspective.
 CARRIED = np.diag(np.square([0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15, 0.15]))
 MIN_SIDE = 16  # px: a smaller target shows too little to track
-# Standard deviation of the corners up to which a target counts as tracked: px, or as a share of its size. Then the
-# agreement, and the patch of the whole target that hangs together, without which it does not. Of the drawn clips of
-# `hdn-analyse states`, seeds 1 and 21, these three drop one good pose in forty, and more than half of the wrong ones.
+# Standard deviation of the corners up to which a target counts as tracked: px, or as a share of its size. With what
+# `is_shown` asks for, it drops one good pose in forty of the drawn clips of `hdn-analyse states`, seeds 1 and 21, and
+# more than half of the wrong ones.
 KNOWN_PX, KNOWN_SHARE = 1.0, 0.025
-SHOWN, PIECE = 0.35, 0.15
 HOLD_FRAMES = 20  # frames without a fix after which a held target counts as lost
 
 
@@ -106,7 +105,7 @@ class Tracker:
         seen = _observed(frame)
         check_quad(self.quad, *seen.colour.size)
         self.proposer = Proposer(self.engine, seen, self.quad, self.stages)
-        self.refiner = Refiner(seen.grey, self.quad)
+        self.refiner = Refiner(seen, self.quad)
         self.redetector = Redetector(seen, self.quad)
         self.place(np.eye(3))
         self._seen: tuple[Pyramid, ...] = (seen.grey,)  # the last frame and the one before
@@ -137,10 +136,10 @@ class Tracker:
             if self._is_found(elsewhere) and is_sure_fix(elsewhere.evidence):
                 finding, found = elsewhere, True
         if found:
-            finding = self._settled(seen.grey, finding)
+            finding = self._settled(seen, finding)
             self.previous = self.homography if self.missed == 0 else finding.homography
             self.homography, self.covariance, self.missed = finding.homography, finding.covariance, 0
-            if finding.evidence.agreement >= SURE:
+            if finding.evidence.support >= SURE:
                 self._attached = None  # to be looked at anew when next something hides it
         else:
             if is_hint(finding.evidence) and self.missed < HOLD_FRAMES:
@@ -150,7 +149,7 @@ class Tracker:
                 self._carry_on(seen.grey)
             self.missed += 1
         self._seen = (seen.grey, *self._seen[:1])
-        shown = found and finding.evidence.agreement >= SHOWN and finding.evidence.cohesion >= PIECE
+        shown = found and is_shown(finding.evidence)
         known = shown and self._is_known(self.homography, self.covariance)
         state: State = "tracked" if known else "held" if self.missed <= HOLD_FRAMES else "lost"
         confidence = calibrated(finding.evidence.agreement) * (1.0 if found else 0.5)
@@ -215,16 +214,16 @@ class Tracker:
         proposal = self.propose(seen)
         if "refinement" not in self.stages:
             return _unrefined(proposal)
-        best = self._refine(seen.grey, proposal.homography, proposal)
-        if best.evidence.agreement < FIX and proposal.score >= TRUSTED_SCORE:
+        best = self._refine(seen, proposal.homography, proposal)
+        if best.evidence.support < FIX and proposal.score >= TRUSTED_SCORE:
             # A large motion is found in two goes: the second starts where the first came to.
             again = self.proposer.propose(seen.colour, proposal.homography)
-            best = max(best, self._refine(seen.grey, again.homography, again), key=_agreement)
-        if best.evidence.agreement < SURE:
+            best = max(best, self._refine(seen, again.homography, again), key=_support)
+        if best.evidence.support < SURE:
             # Where much is hidden, what the visible part leaves open had better follow the motion so far.
             for start, covariance in self._expected(seen.grey):
-                other = self._refine(seen.grey, start, proposal, covariance)
-                if _agreement(other) > _agreement(best) - 0.02:
+                other = self._refine(seen, start, proposal, covariance)
+                if _support(other) > _support(best) - 0.02:
                     return other
         return best
 
@@ -236,26 +235,26 @@ class Tracker:
             proposal = Proposal(found, 1.0, 1.0, 0.0, np.ones((1, 1), np.float32))
         else:
             proposal = self.proposer.propose(seen.colour, self.proposer.survey(seen.colour, self.homography))
-        return self._refine(seen.grey, proposal.homography, proposal)
+        return self._refine(seen, proposal.homography, proposal)
 
-    def _refine(self, grey: Pyramid, start: Array, proposal: Proposal, covariance: Array = LOOSE) -> "_Finding":
+    def _refine(self, frame: Observation, start: Array, proposal: Proposal, covariance: Array = LOOSE) -> "_Finding":
         """Photometric alignment from a start, and what it says of it together with a proposal."""
         seen = _cells(proposal.visible)
-        found = self.refiner.approach(grey, start, np.clip(4 * seen - 0.6, 0.01, 1), covariance)
+        found = self.refiner.approach(frame, start, np.clip(4 * seen - 0.6, 0.01, 1), covariance)
         homography, agreement = found.homography, found.agreement
         evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(proposal.visible.mean()))
         if not self._plausible(homography):
             return _Finding(start, evidence, np.zeros((CELLS, CELLS), np.float32))
-        evidence = replace(evidence, agreement=agreement.share, cohesion=agreement.cohesion)
+        evidence = replace(evidence, agreement=agreement.share, cohesion=agreement.cohesion, border=found.border)
         # Where there is no texture to compare, the network's word for it.
         visibility = np.where(agreement.textured, agreement.agrees, seen).astype(np.float32) * agreement.in_frame
         return _Finding(homography, evidence, visibility, found.covariance, found)
 
-    def _settled(self, grey: Pyramid, finding: "_Finding") -> "_Finding":
+    def _settled(self, frame: Observation, finding: "_Finding") -> "_Finding":
         """The finding that was chosen, to the last fractions of a pixel."""
         if finding.alignment is None:
             return finding
-        found = self.refiner.settle(grey, finding.alignment)
+        found = self.refiner.settle(frame, finding.alignment)
         if not self._plausible(found.homography):
             return finding
         return finding._replace(homography=found.homography, covariance=found.covariance, alignment=found)
@@ -287,8 +286,8 @@ class _Finding(NamedTuple):
     alignment: Alignment | None = None
 
 
-def _agreement(finding: _Finding) -> float:
-    return finding.evidence.agreement
+def _support(finding: _Finding) -> float:
+    return finding.evidence.support
 
 
 def _unrefined(proposal: Proposal) -> _Finding:
