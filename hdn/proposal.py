@@ -60,6 +60,11 @@ class Proposer:
 
         template = self._crop(frame.colour, self._window(c.template_size), c.template_size)
         self.kernels = engine.encode_template(template, self._polar_crop(template))
+        # What a branch says of the reference frame itself is its error with this target; it is taken off again.
+        self._zero_shift = self._zero_turn = np.zeros(2)
+        if "similarity" in stages:
+            self._zero_shift = self._shift(frame.colour, np.eye(3))[0]
+            self._zero_turn = self._turn(frame.colour, np.eye(3))[0]
         view = quad if c.residual_rectified else self.centre + square(1) * np.sqrt(width * height)
         self.outline = from_corners(square(c.residual_size), view)  # residual crop to template
         self.template = engine.describe(frame.colour.crop(self.outline, c.residual_size, c.residual_size))
@@ -106,18 +111,27 @@ class Proposer:
 
     def _similarity(self, frame: Pyramid, start: Array) -> tuple[Array, float, float]:
         """Translation, then rotation and scale on a log-polar crop about where it led; also the branches' scores."""
-        c = self.config
-        n = c.search_size
-        shift = self.engine.translation(self.kernels[0], self._crop(frame, start @ self._window(n), n))
-        at = np.array([shift.x, shift.y]) if shift.score >= TRUSTED_SCORE else np.zeros(2)
-        moved = start @ translation(*(at * self.unit))
-        around = self._crop(frame, moved @ self._window(c.template_size), c.template_size)
-        polar = self.engine.polar(self.kernels[1], self._polar_crop(around))
-        if min(shift.score, polar.score) < TRUSTED_SCORE:
-            return moved, shift.score, polar.score
+        shift, score = self._shift(frame, start)
+        moved = start @ translation(*(shift if score >= TRUSTED_SCORE else np.zeros(2)))
+        (log_scale, rotation), polar_score = self._turn(frame, moved)
+        if min(score, polar_score) < TRUSTED_SCORE:
+            return moved, score, polar_score
         to_centre = translation(*self.centre)
-        turned = similarity(np.exp(polar.x * c.log_scale_per_pixel), polar.y * c.radians_per_pixel, 0, 0)
-        return moved @ to_centre @ turned @ np.linalg.inv(to_centre), shift.score, polar.score
+        turned = similarity(np.exp(log_scale), rotation, 0, 0)
+        return moved @ to_centre @ turned @ np.linalg.inv(to_centre), score, polar_score
+
+    def _shift(self, frame: Pyramid, start: Array) -> tuple[Array, float]:
+        """How far the target's centre is from where a pose has it, px of the reference frame, and the score."""
+        n = self.config.search_size
+        found = self.engine.translation(self.kernels[0], self._crop(frame, start @ self._window(n), n))
+        return np.array([found.x, found.y]) * self.unit - self._zero_shift, found.score
+
+    def _turn(self, frame: Pyramid, start: Array) -> tuple[Array, float]:
+        """By what log-scale and rotation, rad, a target differs from a pose with its centre, and the score."""
+        c = self.config
+        around = self._crop(frame, start @ self._window(c.template_size), c.template_size)
+        found = self.engine.polar(self.kernels[1], self._polar_crop(around))
+        return np.array([found.x * c.log_scale_per_pixel, found.y * c.radians_per_pixel]) - self._zero_turn, found.score
 
     def _residual(self, frame: Pyramid, start: Array) -> tuple[Array, float, Floats]:
         """What is left; also the mean length of the corners' offsets and which parts are seen."""

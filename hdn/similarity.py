@@ -26,19 +26,17 @@ GROUPS = 8  # of channels, whose cosines are summed up apart
 
 
 class Neck(nn.Module):
-    """Feature maps of three stages to one map of `channels` at stride 8."""
+    """Feature maps of both stages to one map of `channels` at stride 8."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.fine = nn.Conv2d(CHANNELS[0], channels, 3, 2, 1, bias=False)  # stage 2 has stride 4
-        self.coarse = nn.ModuleList(nn.Conv2d(c, channels, 1, bias=False) for c in CHANNELS[1:])
+        self.coarse = nn.Conv2d(CHANNELS[1], channels, 1, bias=False)
         self.norm = nn.BatchNorm2d(channels)
 
     def forward(self, maps: tuple[Tensor, ...]) -> Tensor:
-        x = self.fine(maps[0])
-        for conv, features in zip(self.coarse, maps[1:], strict=True):
-            x = x + conv(features)
-        return F.relu(self.norm(x))
+        fine, coarse = maps
+        return F.relu(self.norm(self.fine(fine) + self.coarse(coarse)))
 
 
 class TranslationBranch(nn.Module):

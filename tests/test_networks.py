@@ -81,6 +81,18 @@ def test_translation_finds_the_centre_of_a_turned_target(engine: Engine, rotatio
     assert np.linalg.norm(np.array([found.x, found.y]) * proposer.unit - shift) < 4
 
 
+def test_the_reference_frame_itself_is_not_moved(engine: Engine) -> None:
+    """Whatever error the branches have with a target."""
+    scene = Scene()
+    first = Observation(scene.draw(scene.quad))
+    proposer = Proposer(engine, first, scene.quad, frozenset({"similarity"}))
+    proposal = proposer.propose(first.colour, np.eye(3))
+    np.testing.assert_allclose(proposal.homography, np.eye(3), atol=1e-9)
+    near = moved(scene.quad, (3, -2), 1.02, 0.04)
+    start = proposer.propose(Observation(scene.draw(near)).colour, np.eye(3)).homography
+    assert error(transform(start, scene.quad), near) < 0.5 * error(scene.quad, near)
+
+
 @pytest.mark.parametrize("library", ["openvino", "torch"])
 @pytest.mark.parametrize("centre", [(30, 40), (290, 60), (120, 215)])
 def test_a_survey_finds_the_target_anywhere_in_the_frame(
