@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .agreement import CELLS
+from .agreement import CELLS, Grey
 from .blur import tukey
 from .homography import Array, translation
 from .sampling import Pyramid
@@ -73,10 +73,14 @@ class Border:
         there = found & (np.abs(at - self._at) < THERE)
         return float(there[self._stands_out].mean())
 
-    def pull(self, frame: Pyramid, homography: Array) -> Pull:
-        """Where the border is seen in a colour frame, relative to a pose (3, 3), template to frame."""
+    def pull(self, frame: Pyramid, homography: Array, seen: Grey) -> Pull:
+        """Where the border is seen in a colour frame, relative to a pose (3, 3), template to frame.
+
+        Args: seen: (8, 8) 0..1, which cells of the target may be looked at.
+        """
         at, found = self._steps(frame, homography, self._at, LATER)
-        found &= self._stands_out
+        clear = np.concatenate([seen[0], seen[-1], seen[:, 0], seen[:, -1]])
+        found &= self._stands_out & (clear > 0.5)
         if found.sum() < FEWEST:
             return NOTHING
         rows, off = self._rows[found], (at - self._at)[found]

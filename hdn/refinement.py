@@ -172,7 +172,7 @@ class Refiner:
         trust = self._trust(agreement.correlation) * expected.seen
         pull = NOTHING
         if self._borders:
-            pull = self._borders[level is not self._coarse].pull(frame.colour, homography)
+            pull = self._borders[level is not self._coarse].pull(frame.colour, homography, expected.seen)
         warp, posterior = level.align(search, trust, expected_warp, expected.covariance, pull)
         found = normalised(homography @ level.to_template @ warp @ level.from_template)
         return Alignment(found, agreement, posterior, level.moved(warp), expected)

@@ -9,6 +9,7 @@ from hdn.border import NOTHING, Border
 from hdn.engine import Engine
 from hdn.homography import Array, from_corners, square, transform
 from hdn.lucas_kanade import outline
+from hdn.refinement import EVERYWHERE
 from hdn.sampling import Pyramid
 
 from .scenes import Image, Scene, error, moved, path, texture
@@ -32,7 +33,7 @@ def border(scene: Scene, quad: Array | None = None) -> Border:
 
 def drawn_to(border: Border, frame: Image, start: Array, scene: Scene) -> Array:
     """The corners (4, 2) where the border alone puts them, from a start (3, 3)."""
-    pull = border.pull(Pyramid(frame), start)
+    pull = border.pull(Pyramid(frame), start, EVERYWHERE)
     parameters = np.linalg.solve(pull.information, pull.weighted)
     half = max(SIZE) / 2
     to_unit = np.array([[1 / half, 0, -(SIZE[0] - 1) / 2 / half], [0, 1 / half, -(SIZE[1] - 1) / 2 / half], [0, 0, 1]])
@@ -66,7 +67,7 @@ def test_a_region_inside_a_surface_has_no_border(plain: Scene) -> None:
 def test_a_border_that_is_gone_does_not_pull(plain: Scene) -> None:
     assert border(plain).share(Pyramid(plain.draw(plain.quad)), np.eye(3)) == 1
     assert border(plain).share(Pyramid(plain.draw(None)), np.eye(3)) < 0.4
-    assert border(plain).pull(Pyramid(np.full((240, 320, 3), 90, np.uint8)), np.eye(3)) is NOTHING
+    assert border(plain).pull(Pyramid(np.full((240, 320, 3), 90, np.uint8)), np.eye(3), EVERYWHERE) is NOTHING
 
 
 def test_a_plain_poster_is_tracked_though_a_light_wanders_over_it(engine: Engine, plain: Scene) -> None:
