@@ -17,7 +17,7 @@ from hdn.sampling import Image, Pyramid
 from . import occlusion, relighting
 from .occlusion import Occluder, Outline
 from .placement import is_drawable
-from .relighting import GRID, Floats, grey, over
+from .relighting import GRID, Floats, Light, grey, lit
 
 LONGEST = 160  # px of the rectified surface's longer side, at most
 SATURATED = 250.0  # grey levels, from which a pixel does not tell how bright it is
@@ -33,12 +33,12 @@ class Conditions:
     """Under which a surface is seen in a frame.
 
     Attributes:
-        light: (GRID, GRID, 3) gain that a picture on the surface is to be multiplied by, over the surface.
+        light: on a picture on the surface.
         occluder: what hides it; None for nothing.
         blur: (2, 2) px^2 of the frame, covariance of the Gaussian that the surface is blurred by.
     """
 
-    light: Floats
+    light: Light
     occluder: Occluder | None
     blur: Array
 
@@ -65,15 +65,14 @@ class Appearance:
 
     def forget(self) -> None:
         """Begins anew, as after a cut: the light may be another now."""
-        self._light: Floats | None = None
+        self._light: Light | None = None
         self._hidden: Grey | None = None
         self._lost = False
 
     def last(self) -> Conditions:
         """The conditions of a frame that nothing can be told of: the last light, and nothing else."""
         self._lost = True
-        light = np.ones((GRID, GRID, 3), np.float32) if self._light is None else self._light
-        return Conditions(light * np.float32(self._exposure), None, np.zeros((2, 2)))
+        return Conditions(self._exposed(self._light or relighting.as_it_was()), None, np.zeros((2, 2)))
 
     def see(self, frame: Image, pose: Array, deviation: float) -> Conditions:
         """The conditions in a frame (H, W, 3) in which the surface has the corners `pose` (4, 2).
@@ -96,16 +95,17 @@ class Appearance:
         of_template, of_view = shares(blur)
         template, view = _blurred(self._template, of_template), _blurred(view, of_view)
         usable = inside * (np.maximum(view, template).max(2) < SATURATED)
-        self._light = relighting.follow(self._light, relighting.measure(view, template, usable, self._light))
-        lit = np.minimum(template * over(self._light, template.shape), 255)
-        evidence = occlusion.evidence(view, lit, slack, self._hidden) * inside
+        halves = (self._halved(x) for x in (view, template, usable))
+        self._light = relighting.follow(self._light, relighting.measure(*halves, self._light))
+        lit_template = np.minimum(self._light.on(template), 255)
+        evidence = occlusion.evidence(view, lit_template, slack, self._hidden) * inside
         hidden = occlusion.find(evidence)
         self._hidden = hidden
         blur_in_frame = scale @ _worth(of_template) @ scale.T
         occluder = None
         if hidden.any():
             occluder = self._cut_out(Outline.of(hidden, view), frame, pose, blur_in_frame)
-        return Conditions(self._light * np.float32(self._exposure), occluder, blur_in_frame)
+        return Conditions(self._exposed(self._light), occluder, blur_in_frame)
 
     def _rectify(self, part: "_Box", pose: Array) -> tuple[Floats, Grey]:
         """The surface (h, w, 3) in a part of a frame, and which of it lies in the frame (h, w), 0 or 1."""
@@ -124,9 +124,15 @@ class Appearance:
         Measured at half the size: blur that matters is larger than a pixel.
         """
         seen = inside if self._hidden is None else inside * (1 - self._hidden)
-        size = self._width // 2, self._height // 2
-        half = [cv2.resize(x, size, interpolation=cv2.INTER_AREA) for x in (grey(self._template), grey(view), seen)]
+        half = [self._halved(x) for x in (grey(self._template), grey(view), seen)]
         return 4 * between(half[0], half[1], half[2], self._window)
+
+    def _halved(self, image: Floats) -> Floats:
+        size = self._width // 2, self._height // 2
+        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float32)
+
+    def _exposed(self, light: Light) -> Light:
+        return Light(light.gain * np.float32(self._exposure), light.gloss)
 
     def _cut_out(self, outline: Outline, frame: Image, pose: Array, blur: Array) -> Occluder | None:
         """The occluder out of the part of the frame that it is in."""
@@ -142,10 +148,13 @@ class Appearance:
         part_to_reference = self._reference.to_box @ from_corners(pose, self._quad) @ np.linalg.inv(part.to_box)
         surface = Pyramid(self._reference.image).crop(part_to_reference, width, height).astype(np.float32)
         assert self._light is not None
-        light = cv2.warpPerspective(
-            self._light, crop_to_part @ self._grid_to_crop, (width, height), borderMode=cv2.BORDER_REPLICATE
+        gain, gloss = (
+            cv2.warpPerspective(
+                x, crop_to_part @ self._grid_to_crop, (width, height), borderMode=cv2.BORDER_REPLICATE
+            )
+            for x in (self._light.gain, self._light.gloss)
         )
-        surface = _blurred(np.minimum(surface * light, 255), blur)
+        surface = _blurred(np.minimum(lit(surface, gain, gloss), 255), blur)
         seen = part.image.astype(np.float32)
         # Beside the surface there is what there is.
         mine = np.ones((self._height, self._width), np.float32)

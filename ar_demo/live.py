@@ -75,7 +75,8 @@ class _Target:
             self._filter.reset()
         else:
             self._pose = self._filter(estimate.corners, float(frame.time))
-        self._look(frame, estimate)
+        if self._appearance is not None:
+            self._conditions = self._look(self._appearance, frame.image, estimate, cut)
         return estimate.state
 
     def draw(self, frame: Frame, elapsed: Fraction) -> None:

@@ -1,4 +1,4 @@
-"""Drawing of one surface's ad, or effect, into frames, under the scene's light, blurred as it is, behind what hides it."""
+"""Drawing of one surface's ad, or effect, into frames: in the scene's light, as blurred as it is, behind what hides it."""
 
 from fractions import Fraction
 from pathlib import Path
@@ -15,10 +15,10 @@ from hdn.sampling import Image
 from .ads import Ad, open_ad
 from .appearance import Conditions
 from .closing import Closing
-from .compositor import WHOLE, Region, fit_region, open_compositor, quad_aspect
+from .compositor import WHOLE, fit_region, open_compositor, quad_aspect
 from .effects import draw_outline, texture
 from .options import Backend, Placing
-from .relighting import GRID, Floats
+from .relighting import GRID, Light, as_it_was, lit
 
 USUAL = 0.01  # by which light may differ from the reference frame's without a picture being lit anew
 BLURRED = 0.05  # px^2 of the frame, from which a picture is blurred
@@ -47,7 +47,7 @@ class Painter(Closing):
         if placing.effect == "replace" and ad is not None:
             self._ad = open_ad(ad, placing.playback)
             self._region = fit_region(placing.fit, self._ad.width / self._ad.height, quad_aspect(quad, size))
-        self._lit: tuple[Image, Floats, Image] | None = None  # a picture, a light, and the picture in this light
+        self._lit: tuple[Image, Light, Image] | None = None  # a picture, a light, and the picture in this light
         # One compositor a surface: each keeps what is derived from its ad's current picture.
         self._compositor = open_compositor(backend)
 
@@ -96,22 +96,24 @@ class Painter(Closing):
         if occluder is not None:
             part[:] = part * (1 - occluder.share) + occluder.colour + 0.5
 
-    def _in_light(self, picture: Image, light: Floats) -> Image:
-        """A picture (h, w, 3 or 4) in a light (GRID, GRID, 3) over the surface; the same array for much the same light."""
-        if np.abs(light - 1).max() < USUAL:
+    def _in_light(self, picture: Image, light: Light) -> Image:
+        """A picture (h, w, 3 or 4) in a light over the surface; the same array as before for much the same light."""
+        if light.differs(as_it_was()) < USUAL:
             return picture
-        if self._lit is not None and self._lit[0] is picture and np.abs(self._lit[1] / light - 1).max() < USUAL:
+        if self._lit is not None and self._lit[0] is picture and self._lit[1].differs(light) < USUAL:
             return self._lit[2]
-        height, width = picture.shape[:2]
+        size = picture.shape[1::-1]
         u0, v0, u1, v1 = self._region
-        corners = np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1]]) * [width, height] - 0.5
+        corners = np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1]]) * size - 0.5
         grid_to_picture = from_corners(outline(GRID, GRID), corners)
-        gain = cv2.warpPerspective(light, grid_to_picture, (width, height), borderMode=cv2.BORDER_REPLICATE)
-        if picture.shape[2] == 4:
-            gain = cv2.merge([*cv2.split(gain), np.ones((height, width), np.float32)])
-        lit = np.asarray(cv2.multiply(picture, gain, dtype=cv2.CV_8U), np.uint8)
-        self._lit = picture, light, lit
-        return lit
+        gain, gloss = (
+            cv2.warpPerspective(x, grid_to_picture, size, borderMode=cv2.BORDER_REPLICATE)
+            for x in (light.gain, light.gloss)
+        )
+        colours = np.ascontiguousarray(picture[..., :3]).astype(np.float32)
+        changed = np.clip(lit(colours, gain, gloss) + 0.5, 0, 255).astype(np.uint8)
+        self._lit = picture, light, np.concatenate([changed, picture[..., 3:]], 2)
+        return self._lit[2]
 
     def _draw_blurred(self, image: Image, picture: Image, pose: Array, strength: float, blur: Array) -> None:
         """Draws a picture blurred by a covariance (2, 2), px^2, its edge alike."""

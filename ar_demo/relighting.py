@@ -1,72 +1,113 @@
-"""How a surface is lit in a frame: a smooth gain over what the reference frame shows of it."""
+"""How a surface is lit in a frame: by how much brighter or darker than in the reference frame, and what is mirrored in it.
+
+Values of pixels are about roots of light (a gamma of 2); light is their square, white being 1. What a surface sends is
+its colour times the light on it, plus what its gloss mirrors, which has the lamp's colour, and so is taken for white.
+"""
+
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hdn.agreement import CELLS, Cells, Grey, cell_means
+from hdn.agreement import Cells, Grey, cell_means
 from hdn.blur import normalise, tukey
 from hdn.sampling import Image, Pyramid
 
 Floats = NDArray[np.float32]
 
-GRID, COARSE = 16, 4  # the light's brightness is known on a grid of GRID x GRID over the surface, its colour on COARSE
+GRID, COARSE = 16, 4  # light is known on a grid of GRID x GRID over the surface; its colour on COARSE x COARSE
 STEPS = 3  # of reweighting
 AGREES = 0.6  # correlation of a cell from which it is sure to show the surface
 TEXTURE = 2.0  # grey levels of mean contrast, from which a cell has texture to correlate
 UNSURE = 0.3  # trust in cells without texture
 SPREAD, NOISE = 0.15, 5.0  # what light differs by within a cell: as a share of the brightness, and in grey levels
-LEAST, MOST = 0.05, 4.0  # gains that are believed
-STEADY, CHANGE = 0.3, 0.12  # share of a small change that is taken on in a frame; log of a ratio that is sure to be one
+SAME, NONE = 0.03, 0.06  # how much speaks for the gain of the larger part around, and against a gloss
+LEAST, MOST = 0.01, 16.0  # gains that are believed
+MIRRORED = 0.8  # the most that a gloss mirrors, or that it mirrored in the reference frame and does no more
+STEADY, CHANGE = 0.3, 0.2  # share of a small change that is taken on in a frame; what is sure to be one, as a ratio
 WHITE = 235.0  # grey levels of white in a frame that is exposed as usual
 BRIGHTEST = 0.995  # quantile of a frame's pixels that tells its white
 SMALL = 160  # px of a frame's longer side, at which its noise is averaged out
 
 
+@dataclass(frozen=True)
+class Light:
+    """Light on a surface, against that in the reference frame.
+
+    Attributes:
+        gain: (n, n, 3) of the light, over the surface.
+        gloss: (n, n) light that is mirrored; negative where less than in the reference frame.
+    """
+
+    gain: Floats
+    gloss: Floats
+
+    def on(self, picture: Floats) -> Floats:
+        """A picture of the surface (h, w, 3), grey levels, in this light; it may come out brighter than white."""
+        size = picture.shape[1::-1]
+        gain, gloss = (cv2.resize(x, size, interpolation=cv2.INTER_LINEAR) for x in (self.gain, self.gloss))
+        return lit(picture, gain, gloss)
+
+    def differs(self, other: "Light") -> float:
+        """The largest difference to another light, in shares of white's grey level."""
+        gain = np.abs(np.sqrt(self.gain) - np.sqrt(other.gain)).max()
+        return float(max(gain, np.abs(self.gloss - other.gloss).max()))
+
+
+def lit(picture: Floats, gain: Floats, gloss: Floats) -> Floats:
+    """Grey levels (h, w, 3) under a gain (h, w, 3) of light and a gloss (h, w)."""
+    light = cv2.multiply(cv2.multiply(picture, picture), gain)
+    return cv2.sqrt(cv2.max(cv2.add(light, cv2.merge([gloss * np.float32(255.0**2)] * 3)), 0.0))
+
+
+def as_it_was() -> Light:
+    """The light of the reference frame."""
+    return Light(np.ones((GRID, GRID, 3), np.float32), np.zeros((GRID, GRID), np.float32))
+
+
 def exposure(frame: Image) -> float:
-    """How bright white is in a frame (H, W, 3), 1 where it is exposed as usual.
+    """How bright white is in a frame (H, W, 3), as light; 1 where it is exposed as usual.
 
     Nothing printed is brighter than paper, and most scenes show something as bright as that: a wall, a shirt, the sky.
     So what is brightest in the frame is about as bright as an ad's white would be there.
     """
     small, _ = Pyramid(frame).at_most(SMALL)
-    return min(1.0, float(np.quantile(small.max(2), BRIGHTEST)) / WHITE)
+    return min(1.0, float(np.quantile(small.max(2), BRIGHTEST)) / WHITE) ** 2
 
 
-def measure(view: Floats, template: Floats, usable: Grey, last: Floats | None) -> Floats:
-    """The gain (GRID, GRID, 3) from the template to a view of the surface, each (h, w, 3) and aligned.
+def measure(view: Floats, template: Floats, usable: Grey, last: Light | None) -> Light:
+    """The light by which a view of the surface differs from the template, each (h, w, 3) and aligned.
 
-    Parts that show the template's texture are trusted whatever their brightness; flat ones as far as their gain is that
-    of what is trusted. So an occluder counts for little. Light has less of colour than of brightness: its colour is
-    taken to be the same over large parts, so that it does not take on an occluder's.
+    Parts that show the template's texture are trusted whatever their brightness; flat ones as far as their light is
+    that of what is trusted. So an occluder counts for little. Light has less of colour than of brightness: its colour
+    is taken to be the same over large parts, so that it does not take on an occluder's.
 
     Args:
         usable: (h, w) 0..1, what of the view can be compared.
-        last: (GRID, GRID, 3) the gain in the frame before; None where it is not known.
+        last: the light in the frame before; None where it is not known.
     """
     trust = cv2.resize(_shows(view, template), view.shape[1::-1], interpolation=cv2.INTER_LINEAR) * usable
-    gain = np.ones((GRID, GRID, 3), np.float32) if last is None else last
-    gain = np.clip(gain * _change(view, template, trust, gain), LEAST, MOST)
+    light = as_it_was() if last is None else last
+    seen, own = (cv2.multiply(x, x, scale=1 / 255**2) for x in (view, template))
+    change = _change(view, light.on(template), trust)
+    light = Light(np.clip(light.gain * change, LEAST, MOST), light.gloss)
     for _ in range(STEPS):
-        lit = template * over(gain, view.shape)
-        tolerance = SPREAD * grey(lit) + NOISE
-        error = cv2.absdiff(view, lit)
+        expected = light.on(template)
+        error = cv2.absdiff(view, expected)
         worst = cv2.max(cv2.max(error[..., 0], error[..., 1]), error[..., 2])
-        gain = _fit(view, template, trust * tukey(worst / tolerance), gain)
-    return gain
+        weights = trust * tukey(worst / (SPREAD * grey(expected) + NOISE))
+        light = _fit(seen, own, weights, light)
+    return light
 
 
-def follow(last: Floats | None, new: Floats) -> Floats:
-    """The light (GRID, GRID, 3) after a frame: clear changes are taken on at once, small ones may be noise."""
+def follow(last: Light | None, new: Light) -> Light:
+    """The light after a frame: clear changes are taken on at once, small ones may be noise."""
     if last is None:
         return new
-    change = np.abs(np.log(new / last)).mean(2, keepdims=True) / CHANGE
-    return np.asarray(last + np.clip(STEADY + change, 0, 1) * (new - last), np.float32)
-
-
-def over(gain: Floats, shape: tuple[int, ...]) -> Floats:
-    """A gain (n, n, 3) at every pixel of a crop (h, w)."""
-    return np.asarray(cv2.resize(gain, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR), np.float32)
+    change = np.abs(np.log(new.gain / last.gain)).mean(2) + 2 * np.abs(new.gloss - last.gloss)
+    share = np.clip(STEADY + change / CHANGE, 0, 1)
+    return Light(last.gain + share[..., None] * (new.gain - last.gain), last.gloss + share * (new.gloss - last.gloss))
 
 
 def grey(image: Floats) -> Grey:
@@ -74,7 +115,7 @@ def grey(image: Floats) -> Grey:
 
 
 def _shows(view: Floats, template: Floats) -> Grey:
-    """How far each cell (CELLS, CELLS) of a view can be trusted to show the template, 0..1."""
+    """How far each cell (8, 8) of a view can be trusted to show the template, 0..1."""
     window = 2 * round(max(view.shape) / 10) + 1
     a, b = grey(template), grey(view)
     textured = cell_means(cv2.absdiff(a, cv2.blur(a, (window, window)))) > TEXTURE
@@ -82,37 +123,50 @@ def _shows(view: Floats, template: Floats) -> Grey:
     return np.where(textured, np.clip(2 * correlation / AGREES - 1, 0, 1), UNSURE).astype(np.float32)
 
 
-def _change(view: Floats, template: Floats, trust: Grey, gain: Floats) -> float:
-    """By what the light has changed everywhere at once: the median over the cells, as they are trusted."""
-    seen = _cells(grey(view) * trust)
-    expected = _cells(grey(template * over(gain, view.shape)) * trust)
-    ratio = (seen / np.maximum(expected, 1e-3)).ravel()
+def _change(view: Floats, expected: Floats, trust: Grey) -> float:
+    """By how much light has changed everywhere at once: the median over the cells, as they are trusted."""
+    a, b = (_cells(grey(image) * trust, GRID) for image in (view, expected))
+    ratio = (a / np.maximum(b, 1e-3)).ravel()
     order = np.argsort(ratio)
-    mass = np.cumsum(expected.ravel()[order])
-    return float(ratio[order][np.searchsorted(mass, mass[-1] / 2)]) if mass[-1] > 1 else 1.0
+    mass = np.cumsum(b.ravel()[order])
+    return float(ratio[order][np.searchsorted(mass, mass[-1] / 2)]) ** 2 if mass[-1] > 1 else 1.0
 
 
-def _fit(view: Floats, template: Floats, weights: Grey, before: Floats) -> Floats:
-    """Ratios of weighted means; where a cell tells little, of the larger parts around it, from coarse to fine.
+def _fit(seen: Floats, own: Floats, weights: Grey, before: Light) -> Light:
+    """Least squares of seen = gain own + gloss, light (h, w, 3), from coarse to fine.
 
-    Means do not mind a shift by a part of a pixel, as products would.
+    Where a cell tells little, what the larger part around it tells counts, and a gain rather than a gloss.
     """
-    seen, shown = (_cells(cv2.multiply(image, cv2.merge([weights] * 3))) for image in (view, template))
-    usual = 0.1 * float(template.mean()) + 1.0
-    whole = 0.01 * usual
-    gain = (seen.mean((0, 1)) + whole * before.mean((0, 1))) / (shown.mean((0, 1)) + whole)
-    coarse = _ratio(seen, shown, np.broadcast_to(gain, (COARSE, COARSE, 3)), usual)
-    gain = over(coarse, seen.shape)
-    brightness = _ratio(grey(seen), grey(shown * gain), np.ones((GRID, GRID), np.float32), usual)
-    return np.clip(gain * brightness[..., None], LEAST, MOST).astype(np.float32)
+    three = cv2.merge([weights] * 3)
+    usual = float(own.mean()) + 1e-3
+    gain, gloss = before.gain.mean((0, 1)), np.zeros((1, 1), np.float32)
+    # The light's colour, without the gloss.
+    plain = np.maximum(seen - cv2.resize(before.gloss, seen.shape[1::-1])[..., None], 0)
+    a, b = (_cells(cv2.multiply(x, three), COARSE) for x in (plain, own))
+    whole = (a.mean((0, 1)) + 0.01 * usual * gain) / (b.mean((0, 1)) + 0.01 * usual)
+    coloured = (a + 0.1 * usual * whole) / (b + 0.1 * usual)
+    colour = coloured / np.maximum(coloured.mean(2, keepdims=True), 1e-6)
+    # Its brightness, and the gloss.
+    shown = own * cv2.resize(colour, seen.shape[1::-1])
+    w, x, y, xx, xy = (
+        _cells(weights * cv2.transform(term, np.ones((1, 3), np.float32) / 3) if term is not None else weights, GRID)
+        for term in (None, shown, seen, shown * shown, shown * seen)
+    )
+    square = float((own * own).mean()) + 1e-6
+    brightness, gloss = np.full((1, 1), whole.mean(), np.float32), np.zeros((1, 1), np.float32)
+    for n in (COARSE, GRID):
+        w_, x_, y_, xx_, xy_ = (cv2.GaussianBlur(_cells(term, n), (3, 3), 0.8) for term in (w, x, y, xx, xy))
+        above = cv2.resize(brightness, (n, n)), cv2.resize(gloss, (n, n))
+        p, q = xx_ + SAME * square, w_ + NONE
+        r, s = xy_ + SAME * square * above[0], y_ + NONE * above[1]
+        determinant = p * q - x_ * x_
+        brightness, gloss = (r * q - s * x_) / determinant, (p * s - x_ * r) / determinant
+        brightness = np.clip(brightness, LEAST, MOST)
+        gloss = np.clip(gloss, -MIRRORED, MIRRORED)
+    gain = cv2.resize(colour, (GRID, GRID)) * brightness[..., None]
+    return Light(np.clip(gain, LEAST, MOST).astype(np.float32), gloss.astype(np.float32))
 
 
-def _ratio(seen: Floats, shown: Floats, above: Floats, usual: float) -> Floats:
-    """Of means over the cells of a grid (n, n), which count as much as there is; `above` counts as much as `usual`."""
-    size = above.shape[1::-1]
-    a, b = (cv2.GaussianBlur(cv2.resize(x, size, interpolation=cv2.INTER_AREA), (3, 3), 0.8) for x in (seen, shown))
-    return np.asarray((a + usual * above) / (b + usual), np.float32)
-
-
-def _cells(image: Floats) -> Floats:
-    return np.asarray(cv2.resize(image, (GRID, GRID), interpolation=cv2.INTER_AREA), np.float32)
+def _cells(image: Floats, n: int) -> Floats:
+    """Means (n, n, ...) of an image's cells."""
+    return np.asarray(cv2.resize(image, (n, n), interpolation=cv2.INTER_AREA), np.float32)
