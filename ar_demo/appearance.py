@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hdn.agreement import Grey
+from hdn.agreement import Grey, cell_means
 from hdn.blur import between, blurred, shares
 from hdn.homography import Array, from_corners, transform, translation
 from hdn.lucas_kanade import outline
@@ -24,6 +24,8 @@ SATURATED = 250.0  # grey levels, from which a pixel does not tell how bright it
 SEEN = 0.05  # share of the surface that must be in the frame to be compared
 ALIGNED = 1.0  # px of the crop: blur is measured where the surface is misaligned by less, since that looks like blur
 FAINT = 0.8  # px^2 of the crop, blur that is left out; twice as much is taken on in full
+LEAST_CELLS = 6  # of the surface's 64, that blur is measured by
+LESS = 0.8  # of what the agreement lacks to 1 must be left where blur is matched
 UNKNOWN = 8.0  # px, of the corners' deviation where it is not known, and the most that is allowed for
 MARGIN = 4  # px of the frame around the surface that are looked at
 
@@ -95,8 +97,10 @@ class Appearance:
         of_template, of_view = shares(blur)
         template, view = _blurred(self._template, of_template), _blurred(view, of_view)
         usable = inside * (np.maximum(view, template).max(2) < SATURATED)
-        halves = (self._halved(x) for x in (view, template, usable))
-        self._light = relighting.follow(self._light, relighting.measure(*halves, self._light))
+        small_view, small_template, small_usable = (self._halved(x) for x in (view, template, usable))
+        trust = relighting.trusted(*relighting.shows(grey(small_view), grey(small_template)), small_usable.shape)
+        light = relighting.measure(small_view, small_template, trust * small_usable, self._light)
+        self._light = relighting.follow(self._light, light)
         lit_template = np.minimum(self._light.on(template), 255)
         evidence = occlusion.evidence(view, lit_template, slack, self._hidden) * inside
         hidden = occlusion.find(evidence)
@@ -121,18 +125,29 @@ class Appearance:
     def _blur(self, view: Floats, inside: Grey) -> Array:
         """Covariance (2, 2), px^2 of the crop, by which a view is blurred more than the template; negative where less.
 
-        Measured at half the size: blur that matters is larger than a pixel.
+        Measured at half the size, since blur that matters is larger than a pixel; on the half of the surface that
+        agrees best, since an occluder looks like anything; and believed where that agrees better for it.
         """
-        seen = inside if self._hidden is None else inside * (1 - self._hidden)
-        half = [self._halved(x) for x in (grey(self._template), grey(view), seen)]
-        return 4 * between(half[0], half[1], half[2], self._window)
+        template, seen, usable = (self._halved(x) for x in (grey(self._template), grey(view), inside))
+        correlation, textured = relighting.shows(seen, template)
+        telling = textured & (cell_means(usable) > 0.9)
+        if telling.sum() < LEAST_CELLS:
+            return np.zeros((2, 2))
+        best = telling & (correlation >= np.median(correlation[telling]))
+        where = cv2.resize(best.astype(np.float32), seen.shape[::-1], interpolation=cv2.INTER_NEAREST)
+        blur = between(template, seen, where, self._window)
+        of_template, of_view = shares(blur)
+        matched, _ = relighting.shows(blurred(seen, of_view), blurred(template, of_template))
+        lacking, left = (1 - x[best].mean() for x in (correlation, matched))
+        return 4 * blur if left < LESS * lacking else np.zeros((2, 2))
 
     def _halved(self, image: Floats) -> Floats:
         size = self._width // 2, self._height // 2
         return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float32)
 
     def _exposed(self, light: Light) -> Light:
-        return Light(light.gain * np.float32(self._exposure), light.gloss)
+        # A picture that is drawn has no gloss that could be missing.
+        return Light(light.gain * np.float32(self._exposure), np.maximum(light.gloss, 0))
 
     def _cut_out(self, outline: Outline, frame: Image, pose: Array, blur: Array) -> Occluder | None:
         """The occluder out of the part of the frame that it is in."""

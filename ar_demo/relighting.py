@@ -17,17 +17,18 @@ from hdn.sampling import Image, Pyramid
 Floats = NDArray[np.float32]
 
 GRID, COARSE = 16, 4  # light is known on a grid of GRID x GRID over the surface; its colour on COARSE x COARSE
-STEPS = 3  # of reweighting
+ALLOWANCES = 2.0, 1.0, 1.0  # by which what does not fit is told from what does, one step after the other
 AGREES = 0.6  # correlation of a cell from which it is sure to show the surface
 TEXTURE = 2.0  # grey levels of mean contrast, from which a cell has texture to correlate
 UNSURE = 0.3  # trust in cells without texture
 SPREAD, NOISE = 0.15, 5.0  # what light differs by within a cell: as a share of the brightness, and in grey levels
-SAME, NONE = 0.03, 0.06  # how much speaks for the gain of the larger part around, and against a gloss
+SAME, NONE = 0.06, 0.03  # how much speaks for the gain of the larger part around, and against a gloss
 LEAST, MOST = 0.01, 16.0  # gains that are believed
 MIRRORED = 0.8  # the most that a gloss mirrors, or that it mirrored in the reference frame and does no more
 STEADY, CHANGE = 0.3, 0.2  # share of a small change that is taken on in a frame; what is sure to be one, as a ratio
 WHITE = 235.0  # grey levels of white in a frame that is exposed as usual
 BRIGHTEST = 0.995  # quantile of a frame's pixels that tells its white
+MEAN = np.full((1, 3), 1 / 3, np.float32)  # over the channels
 SMALL = 160  # px of a frame's longer side, at which its noise is averaged out
 
 
@@ -76,27 +77,25 @@ def exposure(frame: Image) -> float:
     return min(1.0, float(np.quantile(small.max(2), BRIGHTEST)) / WHITE) ** 2
 
 
-def measure(view: Floats, template: Floats, usable: Grey, last: Light | None) -> Light:
+def measure(view: Floats, template: Floats, trust: Grey, last: Light | None) -> Light:
     """The light by which a view of the surface differs from the template, each (h, w, 3) and aligned.
 
-    Parts that show the template's texture are trusted whatever their brightness; flat ones as far as their light is
-    that of what is trusted. So an occluder counts for little. Light has less of colour than of brightness: its colour
-    is taken to be the same over large parts, so that it does not take on an occluder's.
+    Fitted again and again to what fits, with ever less allowance, so that neither an occluder nor a shadow's edge
+    counts for much. The light's colour is the same all over, so that it does not take on an occluder's.
 
     Args:
-        usable: (h, w) 0..1, what of the view can be compared.
+        trust: (h, w) 0..1, how far each pixel of the view can be believed to show the surface.
         last: the light in the frame before; None where it is not known.
     """
-    trust = cv2.resize(_shows(view, template), view.shape[1::-1], interpolation=cv2.INTER_LINEAR) * usable
     light = as_it_was() if last is None else last
     seen, own = (cv2.multiply(x, x, scale=1 / 255**2) for x in (view, template))
     change = _change(view, light.on(template), trust)
     light = Light(np.clip(light.gain * change, LEAST, MOST), light.gloss)
-    for _ in range(STEPS):
+    for allowance in ALLOWANCES:
         expected = light.on(template)
         error = cv2.absdiff(view, expected)
         worst = cv2.max(cv2.max(error[..., 0], error[..., 1]), error[..., 2])
-        weights = trust * tukey(worst / (SPREAD * grey(expected) + NOISE))
+        weights = trust * tukey(worst / (allowance * (SPREAD * grey(expected) + NOISE)))
         light = _fit(seen, own, weights, light)
     return light
 
@@ -114,13 +113,20 @@ def grey(image: Floats) -> Grey:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.float32)
 
 
-def _shows(view: Floats, template: Floats) -> Grey:
-    """How far each cell (8, 8) of a view can be trusted to show the template, 0..1."""
+def shows(view: Grey, template: Grey) -> tuple[Grey, NDArray[np.bool_]]:
+    """How well each cell (8, 8) of a view agrees with the template, as correlation, and which have texture to tell."""
     window = 2 * round(max(view.shape) / 10) + 1
-    a, b = grey(template), grey(view)
-    textured = cell_means(cv2.absdiff(a, cv2.blur(a, (window, window)))) > TEXTURE
-    correlation = Cells(normalise(a, window)[0]).correlation(normalise(b, window)[0])
-    return np.where(textured, np.clip(2 * correlation / AGREES - 1, 0, 1), UNSURE).astype(np.float32)
+    textured = cell_means(cv2.absdiff(template, cv2.blur(template, (window, window)))) > TEXTURE
+    return Cells(normalise(template, window)[0]).correlation(normalise(view, window)[0]), textured
+
+
+def trusted(correlation: Grey, textured: NDArray[np.bool_], shape: tuple[int, ...]) -> Grey:
+    """How far each pixel of a crop (h, w) can be trusted to show the surface, 0..1.
+
+    Parts that show the template's texture are trusted whatever their brightness; flat ones as far as they fit in.
+    """
+    cells = np.where(textured, np.clip(2 * correlation / AGREES - 1, 0, 1), UNSURE).astype(np.float32)
+    return np.asarray(cv2.resize(cells, shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def _change(view: Floats, expected: Floats, trust: Grey) -> float:
@@ -137,34 +143,31 @@ def _fit(seen: Floats, own: Floats, weights: Grey, before: Light) -> Light:
 
     Where a cell tells little, what the larger part around it tells counts, and a gain rather than a gloss.
     """
-    three = cv2.merge([weights] * 3)
-    usual = float(own.mean()) + 1e-3
-    gain, gloss = before.gain.mean((0, 1)), np.zeros((1, 1), np.float32)
-    # The light's colour, without the gloss.
-    plain = np.maximum(seen - cv2.resize(before.gloss, seen.shape[1::-1])[..., None], 0)
-    a, b = (_cells(cv2.multiply(x, three), COARSE) for x in (plain, own))
-    whole = (a.mean((0, 1)) + 0.01 * usual * gain) / (b.mean((0, 1)) + 0.01 * usual)
-    coloured = (a + 0.1 * usual * whole) / (b + 0.1 * usual)
-    colour = coloured / np.maximum(coloured.mean(2, keepdims=True), 1e-6)
-    # Its brightness, and the gloss.
-    shown = own * cv2.resize(colour, seen.shape[1::-1])
-    w, x, y, xx, xy = (
-        _cells(weights * cv2.transform(term, np.ones((1, 3), np.float32) / 3) if term is not None else weights, GRID)
-        for term in (None, shown, seen, shown * shown, shown * seen)
+    colour = before.gain.mean((0, 1))
+    colour /= colour.mean()
+    shown = own * colour
+    w = _cells(weights, GRID)
+    x, y, xx, xy = (
+        _cells(weights * cv2.transform(term, MEAN), GRID) for term in (shown, seen, shown * shown, shown * seen)
     )
-    square = float((own * own).mean()) + 1e-6
-    brightness, gloss = np.full((1, 1), whole.mean(), np.float32), np.zeros((1, 1), np.float32)
-    for n in (COARSE, GRID):
+    square = float(np.square(own).mean()) + 1e-6
+    gain, gloss = np.full((1, 1), before.gain.mean(), np.float32), np.zeros((1, 1), np.float32)
+    for n in (1, COARSE, GRID):
         w_, x_, y_, xx_, xy_ = (cv2.GaussianBlur(_cells(term, n), (3, 3), 0.8) for term in (w, x, y, xx, xy))
-        above = cv2.resize(brightness, (n, n)), cv2.resize(gloss, (n, n))
+        above = cv2.resize(gain, (n, n)), cv2.resize(gloss, (n, n))
         p, q = xx_ + SAME * square, w_ + NONE
         r, s = xy_ + SAME * square * above[0], y_ + NONE * above[1]
         determinant = p * q - x_ * x_
-        brightness, gloss = (r * q - s * x_) / determinant, (p * s - x_ * r) / determinant
-        brightness = np.clip(brightness, LEAST, MOST)
-        gloss = np.clip(gloss, -MIRRORED, MIRRORED)
-    gain = cv2.resize(colour, (GRID, GRID)) * brightness[..., None]
-    return Light(np.clip(gain, LEAST, MOST).astype(np.float32), gloss.astype(np.float32))
+        gain, gloss = (r * q - s * x_) / determinant, (p * s - x_ * r) / determinant
+        gain, gloss = np.clip(gain, LEAST, MOST), np.clip(gloss, -MIRRORED, MIRRORED)
+    # The light's colour: of what is seen without the gloss, against what would be in white light.
+    three = cv2.merge([weights] * 3)
+    size = seen.shape[1::-1]
+    plain = cv2.multiply(seen - cv2.resize(gloss, size)[..., None], three).mean((0, 1))
+    white = cv2.multiply(own * cv2.resize(gain, size)[..., None], three).mean((0, 1))
+    usual = 0.02 * float(own.mean()) + 1e-4
+    colour = np.clip((plain + usual * colour) / (white + usual), 0.3, 3)
+    return Light(np.clip(gain[..., None] * colour, LEAST, MOST).astype(np.float32), gloss.astype(np.float32))
 
 
 def _cells(image: Floats, n: int) -> Floats:
