@@ -17,7 +17,7 @@ from hdn.sampling import Image, Pyramid
 from . import occlusion, relighting
 from .occlusion import Occluder, Outline
 from .placement import is_drawable
-from .relighting import GRID, Floats, Light, grey, lit
+from .relighting import GRID, Floats, Light, grey
 
 LONGEST = 160  # px of the rectified surface's longer side, at most
 SATURATED = 250.0  # grey levels, from which a pixel does not tell how bright it is
@@ -101,7 +101,7 @@ class Appearance:
         trust = relighting.trusted(*relighting.shows(grey(small_view), grey(small_template)), small_usable.shape)
         light = relighting.measure(small_view, small_template, trust * small_usable, self._light)
         self._light = relighting.follow(self._light, light)
-        lit_template = np.minimum(self._light.on(template), 255)
+        lit_template = cv2.min(self._light.resized(self._width, self._height).on(template), 255.0)
         evidence = occlusion.evidence(view, lit_template, slack, self._hidden) * inside
         hidden = occlusion.find(evidence)
         self._hidden = hidden
@@ -161,15 +161,10 @@ class Appearance:
         height, width = part.image.shape[:2]
         crop_to_part = part.to_box @ crop_to_frame
         part_to_reference = self._reference.to_box @ from_corners(pose, self._quad) @ np.linalg.inv(part.to_box)
-        surface = Pyramid(self._reference.image).crop(part_to_reference, width, height).astype(np.float32)
+        surface = Pyramid(self._reference.image).crop(part_to_reference, width, height)
         assert self._light is not None
-        gain, gloss = (
-            cv2.warpPerspective(
-                x, crop_to_part @ self._grid_to_crop, (width, height), borderMode=cv2.BORDER_REPLICATE
-            )
-            for x in (self._light.gain, self._light.gloss)
-        )
-        surface = _blurred(np.minimum(lit(surface, gain, gloss), 255), blur)
+        light = self._light.over(crop_to_part @ self._grid_to_crop, (width, height))
+        surface = _blurred(cv2.min(light.on(surface), 255.0), blur)
         seen = part.image.astype(np.float32)
         # Beside the surface there is what there is.
         mine = np.ones((self._height, self._width), np.float32)

@@ -74,7 +74,7 @@ class Occluder:
 
     Attributes:
         box: rows and columns of the frame.
-        share: (h, w, 1) 0..1, how much of each pixel it takes.
+        share: (h, w, 3) 0..1, how much of each pixel it takes, the same in all channels.
         colour: (h, w, 3) its light in each pixel, so times the share.
         behind: (h, w, 3) what would be seen there without it.
     """
@@ -105,10 +105,11 @@ class Outline:
         inner, outer = cv2.erode(hidden, disc), cv2.dilate(hidden, disc)
         least, most, guess = (cv2.GaussianBlur(mask, (0, 0), reach / 2) for mask in (inner, outer, hidden))
         # Its colour at the edge is that of what is surely the occluder nearby.
-        sure = cv2.max(inner, 1e-2 * hidden) + 1e-4 * hidden
-        near, far = (_spread(view, sure, scale * reach) for scale in (1.0, 4.0))
-        weight = near[1] + 0.05 * far[1] + 1e-6
-        return Outline(least, most, guess, (near[0] + 0.05 * far[0]) / weight[..., None])
+        sure = cv2.max(inner, 1e-2 * hidden)
+        weight = cv2.GaussianBlur(sure, (0, 0), reach)
+        near = cv2.GaussianBlur(view * sure[..., None], (0, 0), reach)
+        mean = (view * sure[..., None]).mean((0, 1)) / max(float(sure.mean()), 1e-9)
+        return Outline(least, most, guess, (near + 1e-4 * mean) / (weight[..., None] + np.float32(1e-4)))
 
     def cut_out(self, part: Floats, surface: Floats, crop_to_part: Array, box: tuple[slice, slice]) -> Occluder:
         """The occluder out of a part of the frame, pixel by pixel.
@@ -130,14 +131,6 @@ class Outline:
         apart = colour - surface
         square = cv2.transform(apart * apart, np.ones((1, 3))) + UNCERTAIN**2
         along = cv2.transform((part - surface) * apart, np.ones((1, 3))) + UNCERTAIN**2 * guess
-        share = np.clip(along / square, least, most)[..., None]
-        light = np.clip(part - (1 - share) * surface, 0, 255 * share)
+        share = cv2.merge([cv2.max(cv2.min(along / square, most), least)] * 3)
+        light = cv2.max(cv2.min(part - (1 - share) * surface, 255 * share), 0.0)
         return Occluder(box, share, light, surface)
-
-
-def _spread(view: Floats, weight: Grey, reach: float) -> tuple[Floats, Grey]:
-    """Weighted colours, and weights, blurred over so many px."""
-    return (
-        cv2.GaussianBlur(view * weight[..., None], (0, 0), reach),
-        cv2.GaussianBlur(weight, (0, 0), reach),
-    )

@@ -1,4 +1,4 @@
-"""Drawing of one surface's ad, or effect, into frames: in the scene's light, as blurred as it is, behind what hides it."""
+"""Drawing of one surface's ad, or effect, into frames: lit and blurred as the surface is, behind what hides it."""
 
 from fractions import Fraction
 from pathlib import Path
@@ -18,9 +18,10 @@ from .closing import Closing
 from .compositor import WHOLE, fit_region, open_compositor, quad_aspect
 from .effects import draw_outline, texture
 from .options import Backend, Placing
-from .relighting import GRID, Light, as_it_was, lit
+from .relighting import GRID, Light, as_it_was
 
 USUAL = 0.01  # by which light may differ from the reference frame's without a picture being lit anew
+FINER = 1.2  # times, pixels of an ad are smaller than those that it is shown in, at least, after it is shrunk
 BLURRED = 0.05  # px^2 of the frame, from which a picture is blurred
 
 NO_AD = "no ad is given: name a video or image, or choose --effect mosaic, blur or outline"
@@ -83,7 +84,7 @@ class Painter(Closing):
     def _draw_in_scene(
         self, image: Image, picture: Image, pose: Array, strength: float, conditions: Conditions
     ) -> None:
-        picture = self._in_light(picture, conditions.light)
+        picture = self._in_light(picture, pose, conditions.light)
         occluder = conditions.occluder
         if occluder is not None:
             # What is behind its soft edge is the ad, and not the surface.
@@ -96,23 +97,27 @@ class Painter(Closing):
         if occluder is not None:
             part[:] = part * (1 - occluder.share) + occluder.colour + 0.5
 
-    def _in_light(self, picture: Image, light: Light) -> Image:
-        """A picture (h, w, 3 or 4) in a light over the surface; the same array as before for much the same light."""
+    def _in_light(self, picture: Image, pose: Array, light: Light) -> Image:
+        """A picture (h, w, 3 or 4) in a light over the surface; the same array as before for much the same light.
+
+        It comes no larger than it is shown, about.
+        """
         if light.differs(as_it_was()) < USUAL:
             return picture
         if self._lit is not None and self._lit[0] is picture and self._lit[1].differs(light) < USUAL:
             return self._lit[2]
-        size = picture.shape[1::-1]
         u0, v0, u1, v1 = self._region
+        whole = np.array(picture.shape[1::-1]) * [u1 - u0, v1 - v0]
+        sides = np.linalg.norm(np.roll(pose, -1, 0) - pose, axis=1)
+        # Halved as the compositor's own mip levels are, so that it looks the same.
+        finer = float((whole / [max(sides[0], sides[2]), max(sides[1], sides[3])]).min())
+        shrink = 2 ** max(0, int(np.floor(np.log2(finer / FINER))))
+        size = tuple(max(1, n // shrink) for n in picture.shape[1::-1])
+        small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA) if shrink > 1 else picture
         corners = np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1]]) * size - 0.5
         grid_to_picture = from_corners(outline(GRID, GRID), corners)
-        gain, gloss = (
-            cv2.warpPerspective(x, grid_to_picture, size, borderMode=cv2.BORDER_REPLICATE)
-            for x in (light.gain, light.gloss)
-        )
-        colours = np.ascontiguousarray(picture[..., :3]).astype(np.float32)
-        changed = np.clip(lit(colours, gain, gloss) + 0.5, 0, 255).astype(np.uint8)
-        self._lit = picture, light, np.concatenate([changed, picture[..., 3:]], 2)
+        changed = cv2.convertScaleAbs(light.over(grid_to_picture, size).on(np.ascontiguousarray(small[..., :3])))
+        self._lit = picture, light, np.concatenate([changed, small[..., 3:]], 2) if picture.shape[2] == 4 else changed
         return self._lit[2]
 
     def _draw_blurred(self, image: Image, picture: Image, pose: Array, strength: float, blur: Array) -> None:

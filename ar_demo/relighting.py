@@ -1,4 +1,4 @@
-"""How a surface is lit in a frame: by how much brighter or darker than in the reference frame, and what is mirrored in it.
+"""How a surface is lit in a frame: how much more or less than in the reference frame, and what is mirrored in it.
 
 Values of pixels are about roots of light (a gamma of 2); light is their square, white being 1. What a surface sends is
 its colour times the light on it, plus what its gloss mirrors, which has the lamp's colour, and so is taken for white.
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from hdn.agreement import Cells, Grey, cell_means
 from hdn.blur import normalise, tukey
+from hdn.homography import Array, from_corners
+from hdn.lucas_kanade import outline
 from hdn.sampling import Image, Pyramid
 
 Floats = NDArray[np.float32]
@@ -23,6 +25,8 @@ TEXTURE = 2.0  # grey levels of mean contrast, from which a cell has texture to 
 UNSURE = 0.3  # trust in cells without texture
 SPREAD, NOISE = 0.15, 5.0  # what light differs by within a cell: as a share of the brightness, and in grey levels
 SAME, NONE = 0.06, 0.03  # how much speaks for the gain of the larger part around, and against a gloss
+SMOOTH = 8  # px, over which light does not change much
+FAINT = 0.002  # gloss that is left out
 LEAST, MOST = 0.01, 16.0  # gains that are believed
 MIRRORED = 0.8  # the most that a gloss mirrors, or that it mirrored in the reference frame and does no more
 STEADY, CHANGE = 0.3, 0.2  # share of a small change that is taken on in a frame; what is sure to be one, as a ratio
@@ -44,22 +48,32 @@ class Light:
     gain: Floats
     gloss: Floats
 
-    def on(self, picture: Floats) -> Floats:
-        """A picture of the surface (h, w, 3), grey levels, in this light; it may come out brighter than white."""
-        size = picture.shape[1::-1]
-        gain, gloss = (cv2.resize(x, size, interpolation=cv2.INTER_LINEAR) for x in (self.gain, self.gloss))
-        return lit(picture, gain, gloss)
+    def over(self, grid_to_picture: Array, size: tuple[int, int]) -> "Light":
+        """The light on each pixel of a picture (width, height) that a homography (3, 3) maps the grid to."""
+        coarse = max(2, size[0] // SMOOTH), max(2, size[1] // SMOOTH)  # it is smooth, and resizing is fast
+        matrix = from_corners(outline(*size), outline(*coarse)) @ grid_to_picture
+        gain, gloss = (
+            cv2.warpPerspective(x, matrix, coarse, borderMode=cv2.BORDER_REPLICATE) for x in (self.gain, self.gloss)
+        )
+        return Light(gain, gloss).resized(*size)
+
+    def resized(self, width: int, height: int) -> "Light":
+        """The light on each pixel of a crop of the surface."""
+        gain, gloss = (cv2.resize(x, (width, height), interpolation=cv2.INTER_LINEAR) for x in (self.gain, self.gloss))
+        return Light(gain, gloss)
+
+    def on(self, picture: Image | Floats) -> Floats:
+        """A picture, grey levels, of as many pixels as the light, in this light; it may be brighter than white."""
+        if np.abs(self.gloss).max() < FAINT:
+            return np.asarray(cv2.multiply(picture, cv2.sqrt(self.gain), dtype=cv2.CV_32F), np.float32)
+        light = cv2.multiply(cv2.multiply(picture, picture, dtype=cv2.CV_32F), self.gain)
+        gloss = self.gloss * np.float32(255.0**2)
+        return np.asarray(cv2.sqrt(cv2.max(cv2.add(light, cv2.merge([gloss] * 3)), 0.0)), np.float32)
 
     def differs(self, other: "Light") -> float:
         """The largest difference to another light, in shares of white's grey level."""
         gain = np.abs(np.sqrt(self.gain) - np.sqrt(other.gain)).max()
         return float(max(gain, np.abs(self.gloss - other.gloss).max()))
-
-
-def lit(picture: Floats, gain: Floats, gloss: Floats) -> Floats:
-    """Grey levels (h, w, 3) under a gain (h, w, 3) of light and a gloss (h, w)."""
-    light = cv2.multiply(cv2.multiply(picture, picture), gain)
-    return cv2.sqrt(cv2.max(cv2.add(light, cv2.merge([gloss * np.float32(255.0**2)] * 3)), 0.0))
 
 
 def as_it_was() -> Light:
@@ -89,10 +103,10 @@ def measure(view: Floats, template: Floats, trust: Grey, last: Light | None) -> 
     """
     light = as_it_was() if last is None else last
     seen, own = (cv2.multiply(x, x, scale=1 / 255**2) for x in (view, template))
-    change = _change(view, light.on(template), trust)
+    change = _change(view, light.resized(*template.shape[1::-1]).on(template), trust)
     light = Light(np.clip(light.gain * change, LEAST, MOST), light.gloss)
     for allowance in ALLOWANCES:
-        expected = light.on(template)
+        expected = light.resized(*template.shape[1::-1]).on(template)
         error = cv2.absdiff(view, expected)
         worst = cv2.max(cv2.max(error[..., 0], error[..., 1]), error[..., 2])
         weights = trust * tukey(worst / (allowance * (SPREAD * grey(expected) + NOISE)))
