@@ -101,7 +101,7 @@ class Appearance:
         trust = relighting.trusted(*relighting.shows(grey(small_view), grey(small_template)), small_usable.shape)
         light = relighting.measure(small_view, small_template, trust * small_usable, self._light)
         self._light = relighting.follow(self._light, light)
-        lit_template = cv2.min(self._light.resized(self._width, self._height).on(template), 255.0)
+        lit_template = np.minimum(self._light.resized(self._width, self._height).on(template), 255)
         evidence = occlusion.evidence(view, lit_template, slack, self._hidden) * inside
         hidden = occlusion.find(evidence)
         self._hidden = hidden
@@ -161,10 +161,10 @@ class Appearance:
         height, width = part.image.shape[:2]
         crop_to_part = part.to_box @ crop_to_frame
         part_to_reference = self._reference.to_box @ from_corners(pose, self._quad) @ np.linalg.inv(part.to_box)
-        surface = Pyramid(self._reference.image).crop(part_to_reference, width, height)
+        own = Pyramid(self._reference.image).crop(part_to_reference, width, height)
         assert self._light is not None
         light = self._light.over(crop_to_part @ self._grid_to_crop, (width, height))
-        surface = _blurred(cv2.min(light.on(surface), 255.0), blur)
+        surface = _blurred(np.minimum(light.on(own), 255), blur)
         seen = part.image.astype(np.float32)
         # Beside the surface there is what there is.
         mine = np.ones((self._height, self._width), np.float32)
