@@ -59,7 +59,7 @@ class Appearance:
         self._width, self._height = (np.maximum(np.round(size / GRID), 1) * GRID).astype(int).tolist()
         self._outline = outline(self._width, self._height)
         self._grid_to_crop = from_corners(outline(GRID, GRID), self._outline)
-        self._window = 2 * round(max(self._width, self._height) / 20) + 1  # px of the halved crop
+        self._window = 2 * round(max(self._width, self._height) / 10) + 1  # px of the halved crop: a fifth of it
         self._quad, self._exposure = quad, relighting.exposure(reference)
         self._reference = _Box(reference, quad)
         self._template, _ = self._rectify(self._reference, quad)
@@ -96,7 +96,7 @@ class Appearance:
         blur = self._blur(view, inside) if slack < ALIGNED else np.zeros((2, 2))
         of_template, of_view = shares(blur)
         template, view = _blurred(self._template, of_template), _blurred(view, of_view)
-        usable = inside * (np.maximum(view, template).max(2) < SATURATED)
+        usable = cv2.inRange(cv2.max(view, template), (0, 0, 0), (SATURATED,) * 3).astype(np.float32) / 255 * inside
         small_view, small_template, small_usable = (self._halved(x) for x in (view, template, usable))
         trust = relighting.trusted(*relighting.shows(grey(small_view), grey(small_template)), small_usable.shape)
         light = relighting.measure(small_view, small_template, trust * small_usable, self._light)

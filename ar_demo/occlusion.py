@@ -59,13 +59,25 @@ def evidence(view: Floats, lit: Floats, slack: float, before: Grey | None) -> Gr
 
 
 def find(evidence: Grey) -> Grey:
-    """What is hidden (h, w), 0 or 1: the parts with some evidence that are sure somewhere and not tiny."""
+    """What is hidden (h, w), 0 or 1: the parts with some evidence that are sure somewhere and not tiny, without holes.
+
+    What they enclose is hidden as well, unless it is surely seen.
+    """
     likely = (evidence > 0).astype(np.uint8)
     count, parts = cv2.connectedComponents(likely, connectivity=4)
     surely = np.bincount(parts[evidence > SURE], minlength=count)
     kept = surely >= max(LEAST * likely.size, 4)
     kept[0] = False
-    return kept[parts].astype(np.float32)
+    hidden = kept[parts]
+    if hidden.any():
+        count, parts = cv2.connectedComponents((~hidden).astype(np.uint8), connectivity=4)
+        open_ended = np.union1d(np.union1d(parts[0], parts[-1]), np.union1d(parts[:, 0], parts[:, -1]))
+        seen = np.bincount(parts[evidence < -SURE], minlength=count) >= 0.1 * np.bincount(
+            parts.ravel(), minlength=count
+        )
+        seen[open_ended] = True
+        hidden |= ~seen[parts]
+    return hidden.astype(np.float32)
 
 
 @dataclass(frozen=True)

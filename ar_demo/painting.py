@@ -20,8 +20,7 @@ from .effects import draw_outline, texture
 from .options import Backend, Placing
 from .relighting import GRID, Light, as_it_was
 
-USUAL = 0.01  # by which light may differ from the reference frame's without a picture being lit anew
-FINER = 1.2  # times, pixels of an ad are smaller than those that it is shown in, at least, after it is shrunk
+USUAL = 0.004  # by which light may differ from the reference frame's without a picture being lit anew
 BLURRED = 0.05  # px^2 of the frame, from which a picture is blurred
 
 NO_AD = "no ad is given: name a video or image, or choose --effect mosaic, blur or outline"
@@ -100,7 +99,7 @@ class Painter(Closing):
     def _in_light(self, picture: Image, pose: Array, light: Light) -> Image:
         """A picture (h, w, 3 or 4) in a light over the surface; the same array as before for much the same light.
 
-        It comes no larger than it is shown, about.
+        It has no more pixels than are shown, about.
         """
         if light.differs(as_it_was()) < USUAL:
             return picture
@@ -109,9 +108,7 @@ class Painter(Closing):
         u0, v0, u1, v1 = self._region
         whole = np.array(picture.shape[1::-1]) * [u1 - u0, v1 - v0]
         sides = np.linalg.norm(np.roll(pose, -1, 0) - pose, axis=1)
-        # Halved as the compositor's own mip levels are, so that it looks the same.
-        finer = float((whole / [max(sides[0], sides[2]), max(sides[1], sides[3])]).min())
-        shrink = 2 ** max(0, int(np.floor(np.log2(finer / FINER))))
+        shrink = max(1, int((whole / [max(sides[0], sides[2]), max(sides[1], sides[3])]).min()))
         size = tuple(max(1, n // shrink) for n in picture.shape[1::-1])
         small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA) if shrink > 1 else picture
         corners = np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1]]) * size - 0.5

@@ -66,9 +66,13 @@ class Light:
         """A picture, grey levels, of as many pixels as the light, in this light; it may be brighter than white."""
         if np.abs(self.gloss).max() < FAINT:
             return np.asarray(cv2.multiply(picture, cv2.sqrt(self.gain), dtype=cv2.CV_32F), np.float32)
-        light = cv2.multiply(cv2.multiply(picture, picture, dtype=cv2.CV_32F), self.gain)
+        light = cv2.multiply(picture, picture, dtype=cv2.CV_32F)
+        cv2.multiply(light, self.gain, dst=light)
         gloss = self.gloss * np.float32(255.0**2)
-        return np.asarray(cv2.sqrt(cv2.max(cv2.add(light, cv2.merge([gloss] * 3)), 0.0)), np.float32)
+        cv2.add(light, cv2.merge([gloss, gloss, gloss]), dst=light)
+        if gloss.min() < 0:
+            cv2.max(light, 0.0, dst=light)
+        return np.asarray(cv2.sqrt(light, dst=light), np.float32)
 
     def differs(self, other: "Light") -> float:
         """The largest difference to another light, in shares of white's grey level."""
