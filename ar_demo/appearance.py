@@ -25,7 +25,7 @@ SEEN = 0.05  # share of the surface that must be in the frame to be compared
 ALIGNED = 1.0  # px of the crop: blur is measured where the surface is misaligned by less, since that looks like blur
 FAINT = 0.8  # px^2 of the crop, blur that is left out; twice as much is taken on in full
 LEAST_CELLS = 6  # of the surface's 64, that blur is measured by
-LESS = 0.8  # of what the agreement lacks to 1 must be left where blur is matched
+LESS = 0.9  # of what the agreement lacks to 1 must be left where blur is matched
 UNKNOWN = 8.0  # px, of the corners' deviation where it is not known, and the most that is allowed for
 MARGIN = 4  # px of the frame around the surface that are looked at
 
@@ -94,8 +94,7 @@ class Appearance:
         scale = _scale(crop_to_frame, self._width, self._height)
         slack = min(deviation, UNKNOWN) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
         blur = self._blur(view, inside) if slack < ALIGNED else np.zeros((2, 2))
-        of_template, of_view = shares(blur)
-        template, view = _blurred(self._template, of_template), _blurred(view, of_view)
+        template = _blurred(self._template, blur)
         usable = cv2.inRange(cv2.max(view, template), (0, 0, 0), (SATURATED,) * 3).astype(np.float32) / 255 * inside
         small_view, small_template, small_usable = (self._halved(x) for x in (view, template, usable))
         trust = relighting.trusted(*relighting.shows(grey(small_view), grey(small_template)), small_usable.shape)
@@ -105,7 +104,7 @@ class Appearance:
         evidence = occlusion.evidence(view, lit_template, slack, self._hidden) * inside
         hidden = occlusion.find(evidence)
         self._hidden = hidden
-        blur_in_frame = scale @ _worth(of_template) @ scale.T
+        blur_in_frame = scale @ _worth(blur) @ scale.T
         occluder = None
         if hidden.any():
             occluder = self._cut_out(Outline.of(hidden, view), frame, pose, blur_in_frame)
@@ -123,7 +122,7 @@ class Appearance:
         return view, (inside > 250).astype(np.float32)
 
     def _blur(self, view: Floats, inside: Grey) -> Array:
-        """Covariance (2, 2), px^2 of the crop, by which a view is blurred more than the template; negative where less.
+        """Covariance (2, 2), px^2 of the crop, by which a view is blurred more than the template; 0 where less.
 
         Measured at half the size, since blur that matters is larger than a pixel; on the half of the surface that
         agrees best, since an occluder looks like anything; and believed where that agrees better for it.
@@ -135,9 +134,8 @@ class Appearance:
             return np.zeros((2, 2))
         best = telling & (correlation >= np.median(correlation[telling]))
         where = cv2.resize(best.astype(np.float32), seen.shape[::-1], interpolation=cv2.INTER_NEAREST)
-        blur = between(template, seen, where, self._window)
-        of_template, of_view = shares(blur)
-        matched, _ = relighting.shows(blurred(seen, of_view), blurred(template, of_template))
+        blur, _ = shares(between(template, seen, where, self._window))
+        matched, _ = relighting.shows(seen, blurred(template, blur))
         lacking, left = (1 - x[best].mean() for x in (correlation, matched))
         return 4 * blur if left < LESS * lacking else np.zeros((2, 2))
 

@@ -45,13 +45,17 @@ def evidence(view: Floats, lit: Floats, slack: float, before: Grey | None) -> Gr
     colour = np.clip(deviations - UNLIKE, -1, 4)
     colour[colour < 0] *= (brightness / (brightness + DARK))[colour < 0]
 
-    # The slope of the view's contrast over the template's: 1 where it is seen, 0 where it is not.
+    # The slope of the view's contrast over the template's: 1 where it is seen, 0 where it is not. Blur alone lowers it
+    # as well, but leaves the mean colour.
     window = 2 * round(max(view.shape) / 24) + 1
     a, b = (cv2.GaussianBlur(grey(image), (0, 0), max(slack, 0.7)) for image in (lit, view))
     a, b = a - cv2.blur(a, (window, window)), b - cv2.blur(b, (window, window))
     square, product = cv2.blur(a * a, (window, window)), cv2.blur(a * b, (window, window))
     slope = np.clip(product / (square + 1e-3), 0, 1)
+    apart = cv2.absdiff(cv2.blur(view, (window, window)), cv2.blur(lit, (window, window)))
+    apart = cv2.transform(apart, np.full((1, 3), 1 / 3)) / (NOISE + LIGHT * brightness)
     texture = WEIGHT * square / (square + TEXTURE**2) * (1 - 2 * slope)
+    texture = np.where(texture > 0, texture * np.minimum(apart, 1), texture)
     total = cv2.GaussianBlur(colour + texture, (0, 0), max(NEAR * max(view.shape), 0.7))
     if before is not None:
         total += LASTING * before
