@@ -22,7 +22,7 @@ from .relighting import GRID, Floats, Light, grey
 LONGEST = 160  # px of the rectified surface's longer side, at most
 SATURATED = 250.0  # grey levels, from which a pixel does not tell how bright it is
 SEEN = 0.05  # share of the surface that must be in the frame to be compared
-ALIGNED = 1.0  # px of the crop: blur is measured where the surface is misaligned by less, since that looks like blur
+ALIGNED = 2.0  # px of the crop: blur is measured where the surface is misaligned by less, since that looks like blur
 FAINT = 0.8  # px^2 of the crop, blur that is left out; twice as much is taken on in full
 LEAST_CELLS = 6  # of the surface's 64, that blur is measured by
 LESS = 0.9  # of what the agreement lacks to 1 must be left where blur is matched
@@ -96,10 +96,10 @@ class Appearance:
         blur = self._blur(view, inside) if slack < ALIGNED else np.zeros((2, 2))
         template = _blurred(self._template, blur)
         usable = cv2.inRange(cv2.max(view, template), (0, 0, 0), (SATURATED,) * 3).astype(np.float32) / 255 * inside
-        small_view, small_template, small_usable = (self._halved(x) for x in (view, template, usable))
+        small_view, small_template, small_usable = (self._halved(x, slack) for x in (view, template, usable))
         trust = relighting.trusted(*relighting.shows(grey(small_view), grey(small_template)), small_usable.shape)
         light = relighting.measure(small_view, small_template, trust * small_usable, self._light)
-        self._light = relighting.follow(self._light, light)
+        self._light = relighting.follow(self._light, light, 1 / (1 + slack * slack))
         lit_template = np.minimum(self._light.resized(self._width, self._height).on(template), 255)
         evidence = occlusion.evidence(view, lit_template, slack, self._hidden) * inside
         hidden = occlusion.find(evidence)
@@ -139,9 +139,10 @@ class Appearance:
         lacking, left = (1 - x[best].mean() for x in (correlation, matched))
         return 4 * blur if left < LESS * lacking else np.zeros((2, 2))
 
-    def _halved(self, image: Floats) -> Floats:
-        size = self._width // 2, self._height // 2
-        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float32)
+    def _halved(self, image: Floats, slack: float = 0.0) -> Floats:
+        """A crop at half the size, so soft that being misaligned by `slack` px of the crop makes little difference."""
+        half = cv2.resize(image, (self._width // 2, self._height // 2), interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.GaussianBlur(half, (0, 0), slack / 2) if slack > 0.5 else half, np.float32)
 
     def _exposed(self, light: Light) -> Light:
         # A picture that is drawn has no gloss that could be missing.

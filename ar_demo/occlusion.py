@@ -12,6 +12,7 @@ from .relighting import Floats, grey
 
 NOISE = 4.0  # grey levels
 HUE, LIGHT = 0.08, 0.22  # what light leaves open: of colour and of brightness, as shares of the brightness
+FAR = 1.5  # deviations by which the pose may be off
 UNLIKE = 3.0  # deviations from the lit template, from which something else is likelier
 DARK = 50.0  # grey levels, under which to look like the template says little
 TEXTURE = 4.0  # grey levels of contrast that tell as much as not
@@ -35,7 +36,7 @@ def evidence(view: Floats, lit: Floats, slack: float, before: Grey | None) -> Gr
         slack: px by which they may be misaligned.
         before: (h, w) 0..1, what was hidden in the last frame.
     """
-    reach = 2 * int(np.ceil(max(slack, 0.5))) + 1
+    reach = 2 * int(np.ceil(max(FAR * slack, 0.5))) + 1
     around = np.ones((reach, reach), np.uint8)
     off = cv2.max(cv2.max(view - cv2.dilate(lit, around), cv2.erode(lit, around) - view), 0.0)
     brightness = cv2.sqrt(cv2.transform(lit * lit, np.ones((1, 3)))) + 1e-3

@@ -31,6 +31,7 @@ LEAST, MOST = 0.01, 16.0  # gains that are believed
 MIRRORED = 0.8  # the most that a gloss mirrors, or that it mirrored in the reference frame and does no more
 STEADY, CHANGE = 0.3, 0.2  # share of a small change that is taken on in a frame; what is sure to be one, as a ratio
 WHITE = 235.0  # grey levels of white in a frame that is exposed as usual
+DIM, USUAL = 120.0, 190.0  # grey levels of what is brightest in a frame that is surely dark, and in one that need not be
 BRIGHTEST = 0.995  # quantile of a frame's pixels that tells its white
 MEAN = np.full((1, 3), 1 / 3, np.float32)  # over the channels
 SMALL = 160  # px of a frame's longer side, at which its noise is averaged out
@@ -89,10 +90,11 @@ def exposure(frame: Image) -> float:
     """How bright white is in a frame (H, W, 3), as light; 1 where it is exposed as usual.
 
     Nothing printed is brighter than paper, and most scenes show something as bright as that: a wall, a shirt, the sky.
-    So what is brightest in the frame is about as bright as an ad's white would be there.
+    So what is brightest in a dark frame is about as bright as an ad's white would be there.
     """
     small, _ = Pyramid(frame).at_most(SMALL)
-    return min(1.0, float(np.quantile(small.max(2), BRIGHTEST)) / WHITE) ** 2
+    brightest = np.quantile(small.max(2), BRIGHTEST)
+    return float(np.interp(brightest, [0, DIM, USUAL], [0, DIM / WHITE, 1])) ** 2
 
 
 def measure(view: Floats, template: Floats, trust: Grey, last: Light | None) -> Light:
@@ -118,12 +120,16 @@ def measure(view: Floats, template: Floats, trust: Grey, last: Light | None) -> 
     return light
 
 
-def follow(last: Light | None, new: Light) -> Light:
-    """The light after a frame: clear changes are taken on at once, small ones may be noise."""
+def follow(last: Light | None, new: Light, certainty: float) -> Light:
+    """The light after a frame: clear changes are taken on at once, small ones may be noise.
+
+    Args:
+        certainty: 0..1, how surely the surface was where it was looked at.
+    """
     if last is None:
         return new
     change = np.abs(np.log(new.gain / last.gain)).mean(2) + 2 * np.abs(new.gloss - last.gloss)
-    share = np.clip(STEADY + change / CHANGE, 0, 1)
+    share = np.clip(STEADY + change / CHANGE, 0, 1) * certainty
     return Light(last.gain + share[..., None] * (new.gain - last.gain), last.gloss + share * (new.gloss - last.gloss))
 
 
