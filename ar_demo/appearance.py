@@ -23,6 +23,7 @@ LONGEST = 160  # px of the rectified surface's longer side, at most
 SATURATED = 250.0  # grey levels, from which a pixel does not tell how bright it is
 SEEN = 0.05  # share of the surface that must be in the frame to be compared
 ALIGNED = 2.0  # px of the crop: blur is measured where the surface is misaligned by less, since that looks like blur
+SOFT = 2.0  # px of the crop: light is told by what is larger, since blur takes contrast from the rest
 FAINT = 0.8  # px^2 of the crop, blur that is left out; twice as much is taken on in full
 LEAST_CELLS = 6  # of the surface's 64, that blur is measured by
 LESS = 0.9  # of what the agreement lacks to 1 must be left where blur is matched
@@ -96,7 +97,7 @@ class Appearance:
         blur = self._blur(view, inside) if slack < ALIGNED else np.zeros((2, 2))
         template = _blurred(self._template, blur)
         usable = cv2.inRange(cv2.max(view, template), (0, 0, 0), (SATURATED,) * 3).astype(np.float32) / 255 * inside
-        small_view, small_template, small_usable = (self._halved(x, slack) for x in (view, template, usable))
+        small_view, small_template, small_usable = (self._halved(x, max(slack, SOFT)) for x in (view, template, usable))
         trust = relighting.trusted(*relighting.shows(grey(small_view), grey(small_template)), small_usable.shape)
         light = relighting.measure(small_view, small_template, trust * small_usable, self._light)
         self._light = relighting.follow(self._light, light, 1 / (1 + slack * slack))
@@ -142,7 +143,7 @@ class Appearance:
     def _halved(self, image: Floats, slack: float = 0.0) -> Floats:
         """A crop at half the size, so soft that being misaligned by `slack` px of the crop makes little difference."""
         half = cv2.resize(image, (self._width // 2, self._height // 2), interpolation=cv2.INTER_AREA)
-        return np.asarray(cv2.GaussianBlur(half, (0, 0), slack / 2) if slack > 0.5 else half, np.float32)
+        return np.asarray(cv2.GaussianBlur(half, (0, 0), slack / 2) if slack else half, np.float32)
 
     def _exposed(self, light: Light) -> Light:
         # A picture that is drawn has no gloss that could be missing.
