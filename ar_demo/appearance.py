@@ -24,9 +24,9 @@ SATURATED = 250.0  # grey levels, from which a pixel does not tell how bright it
 SEEN = 0.05  # share of the surface that must be in the frame to be compared
 ALIGNED = 2.0  # px of the crop: blur is measured where the surface is misaligned by less, since that looks like blur
 SOFT = 2.0  # px of the crop: light is told by what is larger, since blur takes contrast from the rest
-FAINT = 0.8  # px^2 of the crop, blur that is left out; twice as much is taken on in full
+FAINT = 3.0  # px^2 of the crop, blur that is left out: it is not known well; twice as much is taken on in full
 LEAST_CELLS = 6  # of the surface's 64, that blur is measured by
-LESS = 0.9  # of what the agreement lacks to 1 must be left where blur is matched
+BETTER = 0.05, 0.15  # share of what the agreement lacks to 1 that matching blur must bring: for any of it, and for all
 UNKNOWN = 8.0  # px, of the corners' deviation where it is not known, and the most that is allowed for
 MARGIN = 4  # px of the frame around the surface that are looked at
 
@@ -135,10 +135,16 @@ class Appearance:
             return np.zeros((2, 2))
         best = telling & (correlation >= np.median(correlation[telling]))
         where = cv2.resize(best.astype(np.float32), seen.shape[::-1], interpolation=cv2.INTER_NEAREST)
-        blur, _ = shares(between(template, seen, where, self._window))
-        matched, _ = relighting.shows(seen, blurred(template, blur))
-        lacking, left = (1 - x[best].mean() for x in (correlation, matched))
-        return 4 * blur if left < LESS * lacking else np.zeros((2, 2))
+        blur = 4 * shares(between(template, seen, where, self._window))[0]
+        if np.linalg.eigvalsh(blur).max() < FAINT:
+            return np.zeros((2, 2))
+        # What was measured by halves is checked by the whole; it tends to be too much.
+        template, seen = grey(self._template), grey(view)
+        trials = [part * blur for part in (0.0, 0.25, 0.5, 1.0)]
+        lacking = [1 - relighting.shows(seen, _blurred(template, b))[0][best].mean() for b in trials]
+        least = int(np.argmin(lacking))
+        better = 1 - lacking[least] / max(lacking[0], 1e-3)
+        return trials[least] * float(np.interp(better, BETTER, [0, 1]))
 
     def _halved(self, image: Floats, slack: float = 0.0) -> Floats:
         """A crop at half the size, so soft that being misaligned by `slack` px of the crop makes little difference."""
@@ -196,7 +202,7 @@ def _scale(crop_to_frame: Array, width: int, height: int) -> Array:
 
 
 def _blurred(image: Floats, covariance: Array) -> Floats:
-    return blurred(image, covariance) if np.linalg.eigvalsh(covariance).max() > 0.3 else image
+    return blurred(image, covariance) if np.linalg.eigvalsh(covariance).max() > FAINT / 4 else image
 
 
 def _worth(covariance: Array) -> Array:

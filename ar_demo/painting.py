@@ -21,6 +21,7 @@ from .options import Backend, Placing
 from .relighting import GRID, Light, as_it_was
 
 USUAL = 0.004  # by which light may differ from the reference frame's without a picture being lit anew
+THIN = 0.2  # px^2, the least variance of a blur, across it: a thinner one would fall between the pixels
 BLURRED = 0.05  # px^2 of the frame, from which a picture is blurred
 
 NO_AD = "no ad is given: name a video or image, or choose --effect mosaic, blur or outline"
@@ -132,6 +133,7 @@ class Painter(Closing):
             self._compositor.composite(
                 ground, picture, pose - [left, top], self._region, strength, self.placing.feather
             )
+        blur = blur + THIN * np.eye(2)
         colour, white = (blurred(ground.astype(np.float32), blur) for ground in (over_black, over_white))
         part[:] = np.clip(colour + part * ((white - colour) / 255) + 0.5, 0, 255)
 
