@@ -24,7 +24,8 @@ SATURATED = 250.0  # grey levels, from which a pixel does not tell how bright it
 SEEN = 0.05  # share of the surface that must be in the frame to be compared
 ALIGNED = 2.0  # px of the crop: blur is measured where the surface is misaligned by less, since that looks like blur
 SOFT = 2.0  # px of the crop: light is told by what is larger, since blur takes contrast from the rest
-FAINT = 3.0  # px^2 of the crop, blur that is left out: it is not known well; twice as much is taken on in full
+MATCHED = 0.8  # px^2 of the crop, blur that the template is matched by
+FAINT = 3.0  # px^2, blur that the ad does not take on, since it is not known well; twice as much it does in full
 LEAST_CELLS = 6  # of the surface's 64, that blur is measured by
 BETTER = 0.05, 0.15  # share of what the agreement lacks to 1 that matching blur must bring: for any of it, and for all
 UNKNOWN = 8.0  # px, of the corners' deviation where it is not known, and the most that is allowed for
@@ -136,7 +137,7 @@ class Appearance:
         best = telling & (correlation >= np.median(correlation[telling]))
         where = cv2.resize(best.astype(np.float32), seen.shape[::-1], interpolation=cv2.INTER_NEAREST)
         blur = 4 * shares(between(template, seen, where, self._window))[0]
-        if np.linalg.eigvalsh(blur).max() < FAINT:
+        if np.linalg.eigvalsh(blur).max() < MATCHED:
             return np.zeros((2, 2))
         # What was measured by halves is checked by the whole; it tends to be too much.
         template, seen = grey(self._template), grey(view)
@@ -202,7 +203,7 @@ def _scale(crop_to_frame: Array, width: int, height: int) -> Array:
 
 
 def _blurred(image: Floats, covariance: Array) -> Floats:
-    return blurred(image, covariance) if np.linalg.eigvalsh(covariance).max() > FAINT / 4 else image
+    return blurred(image, covariance) if np.linalg.eigvalsh(covariance).max() > MATCHED / 4 else image
 
 
 def _worth(covariance: Array) -> Array:
