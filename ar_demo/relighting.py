@@ -18,7 +18,7 @@ from hdn.sampling import Image, Pyramid
 
 Floats = NDArray[np.float32]
 
-GRID, COARSE = 16, 4  # light is known on a grid of GRID x GRID over the surface; its colour on COARSE x COARSE
+GRID, COARSE = 16, 4  # light is known on a grid of GRID x GRID over the surface, by way of one of COARSE x COARSE
 ALLOWANCES = 2.0, 1.0, 1.0  # by which what does not fit is told from what does, one step after the other
 AGREES = 0.6  # correlation of a cell from which it is sure to show the surface
 TEXTURE = 2.0  # grey levels of mean contrast, from which a cell has texture to correlate

@@ -15,6 +15,7 @@ from ar_demo.relighting import as_it_was, exposure
 from ar_demo.rendering import render
 from ar_demo.trackfile import Source, Track
 from ar_demo.video import VideoReader
+from hdn.errors import InputError
 from hdn.homography import Array, from_corners
 
 from .media import make_clip
@@ -293,3 +294,9 @@ def test_a_video_end_to_end(reference: np.ndarray, ad: Path, tmp_path: Path, fra
     assert last[230, 320] == pytest.approx(RED if flat or frames == 1 else np.sqrt(gain[230, 320]) * RED, abs=12)
     if frames > 1:
         assert last[280, 250] == pytest.approx(RED if flat else [40, 150, 60], abs=12)
+
+
+def test_flat_is_a_switch() -> None:
+    assert Options(flat=True).flat
+    with pytest.raises(InputError, match="flat 'yes' is neither true nor false"):
+        Options(flat="yes")  # type: ignore[arg-type]
