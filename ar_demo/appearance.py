@@ -176,7 +176,7 @@ class Appearance:
         # Beside the surface there is what there is.
         mine = np.ones((self._height, self._width), np.float32)
         mine = cv2.warpPerspective(mine, crop_to_part, (width, height))[..., None]
-        return outline.cut_out(seen, seen + mine * (surface - seen), crop_to_part, part.box)
+        return outline.cut_out(seen, seen + mine * (surface - seen), mine, crop_to_part, part.box)
 
 
 class _Box:

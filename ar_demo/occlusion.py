@@ -22,6 +22,7 @@ SURE = 1.2  # evidence that something hides the surface
 LEAST = 0.003  # share of the surface that is worth a look
 LASTING = 0.5  # evidence that what hid the surface still does
 EDGE = 0.05  # of the crop's longer side: half the width that an occluder's soft edge may have
+TOGETHER = 1.5  # px of the frame, over which an edge is as soft as next to it
 UNCERTAIN = 30.0  # grey levels between occluder and surface, from which their mixture tells more than the outline
 
 
@@ -128,7 +129,9 @@ class Outline:
         mean = (view * sure[..., None]).mean((0, 1)) / max(float(sure.mean()), 1e-9)
         return Outline(least, most, guess, (near + 1e-4 * mean) / (weight[..., None] + np.float32(1e-4)))
 
-    def cut_out(self, part: Floats, surface: Floats, crop_to_part: Array, box: tuple[slice, slice]) -> Occluder:
+    def cut_out(
+        self, part: Floats, surface: Floats, on: Floats, crop_to_part: Array, box: tuple[slice, slice]
+    ) -> Occluder:
         """The occluder out of a part of the frame, pixel by pixel.
 
         Where it mixes with the surface, at its soft edge, the pixel lies between the occluder's colour and that of the
@@ -137,6 +140,7 @@ class Outline:
         Args:
             part: (h, w, 3) the frame in the box.
             surface: (h, w, 3) what would be seen there without an occluder.
+            on: (h, w, 1) 0..1, how much of each pixel the surface takes.
             crop_to_part: (3, 3) homography, pixels to pixels.
         """
         size = part.shape[1::-1]
@@ -148,6 +152,10 @@ class Outline:
         apart = colour - surface
         square = cv2.transform(apart * apart, np.ones((1, 3))) + UNCERTAIN**2
         along = cv2.transform((part - surface) * apart, np.ones((1, 3))) + UNCERTAIN**2 * guess
+        # Over some pixels together, since the surface's own edges do not quite fit.
+        along, square = (cv2.GaussianBlur(x, (0, 0), TOGETHER) for x in (along, square))
         share = cv2.merge([cv2.max(cv2.min(along / square, most), least)] * 3)
-        light = cv2.max(cv2.min(part - (1 - share) * surface, 255 * share), 0.0)
+        unmixed = cv2.max(cv2.min(part - (1 - share) * surface, 255 * share), 0.0)
+        weight = 1 - on * (1 - share**2)  # where little of it is seen, its colour nearby is a better guess
+        light = weight * unmixed + (1 - weight) * share * colour
         return Occluder(box, share, light, surface)
