@@ -67,6 +67,9 @@ def replace_command(arguments: Sequence[str] | None) -> int:
     group.add_argument("--opacity", type=float, default=1.0, metavar="0..1")
     group.add_argument("--feather", type=float, default=0.0, metavar="PX", help="soft edge, px of the frame")
     group.add_argument("--lost", choices=CHOICES["lost"], default="fade", help="the ad while the surface is lost")
+    group.add_argument(
+        "--flat", action="store_true", help="lay the ad on as it is: not lit, blurred and hidden as the surface is"
+    )
     group.add_argument("--effect", choices=CHOICES["effect"], default="replace", help="all but replace need no ad")
     group = parser.add_argument_group("the output")
     group.add_argument("--audio", choices=CHOICES["audio"], default="source", help="whose sound")

@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from hdn import Observation, Tracker
+from hdn import Estimate, Observation, Tracker
 from hdn.errors import InputError
 from hdn.homography import Array
+from hdn.sampling import Image
 
+from .appearance import Appearance, Conditions
 from .cuts import CutDetector
 from .oneeuro import OneEuro
 from .options import Moment, Options
@@ -46,6 +48,8 @@ class _Target:
         self._filter = OneEuro()
         self._pose: Array = np.full((4, 2), np.nan)
         self._opacity, self._time = 0.0, Fraction(0)
+        self._appearance: Appearance | None = None
+        self._conditions: Conditions | None = None
 
     @property
     def counts(self) -> dict[str, int]:
@@ -59,6 +63,8 @@ class _Target:
             assert self.placing.quad is not None
             self.tracker.init(seen, self.placing.quad)
             self.started, self._opacity = elapsed, 1.0
+            if not self.placing.flat and self.placing.effect == "replace":
+                self._appearance = Appearance(frame.image, self.placing.quad)
         if cut:
             self.tracker.lose()
             self._opacity = 0.0
@@ -69,11 +75,22 @@ class _Target:
             self._filter.reset()
         else:
             self._pose = self._filter(estimate.corners, float(frame.time))
+        if self._appearance is not None:
+            self._conditions = self._look(self._appearance, frame.image, estimate, cut)
         return estimate.state
 
     def draw(self, frame: Frame, elapsed: Fraction) -> None:
         if self.started is not None:
-            self.painter.draw(frame.image, self._pose, self._opacity * self.placing.opacity, elapsed - self.started)
+            opacity = self._opacity * self.placing.opacity
+            self.painter.draw(frame.image, self._pose, opacity, elapsed - self.started, self._conditions)
+
+    def _look(self, appearance: Appearance, image: Image, estimate: Estimate, cut: bool) -> Conditions:
+        """How the surface looks in a frame, before anything is drawn on it."""
+        if cut:
+            appearance.forget()
+        if estimate.state == "lost":
+            return appearance.last()
+        return appearance.see(image, self._pose, estimate.deviation)
 
     def _appear(self, lost: bool, elapsed: Fraction, cut: bool) -> None:
         """Lets the ad come and go as `Placing.lost` says, as far as that can be without knowing what comes."""

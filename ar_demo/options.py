@@ -116,6 +116,7 @@ class Placing:
         feather: px of the frame over which the ad's edge fades.
         lost: what the ad does while the surface is lost.
         effect: what is drawn; all but 'replace' need no ad.
+        flat: whether an ad is laid on as it is, over all, and not lit, blurred and hidden as the surface is.
     """
 
     quad: Quad | None = None
@@ -127,6 +128,7 @@ class Placing:
     feather: float = 0.0
     lost: Lost = "fade"
     effect: Effect = "replace"
+    flat: bool = False
 
     def __post_init__(self) -> None:
         """Raises InputError for a value that is not allowed."""
@@ -136,6 +138,8 @@ class Placing:
         if not 0 <= self.opacity <= 1:
             raise InputError(f"opacity {self.opacity} is out of range: give 0 to 1")
         check_not_negative("feather", self.feather)
+        if not isinstance(self.flat, bool):
+            raise InputError(f"flat '{self.flat}' is neither true nor false: give one of these")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from hdn.errors import InputError
 from hdn.homography import Array
+from hdn.sampling import Image
 
+from .appearance import Appearance, Conditions
 from .audio import Audio
 from .options import Options, Placing
 from .painting import Painter
@@ -111,11 +113,12 @@ def render_layers(
     with ExitStack() as stack:
         reader = stack.enter_context(VideoReader(input))
         info = reader.info
-        painters, poses, opacities = [], [], []
+        painters, looks, poses, opacities = [], [], [], []
         for layer in layers:
             layer.track.check_belongs_to(Path(input), info.width, info.height)
             painter = Painter(layer.ad, layer.placing, layer.track.quad, (info.width, info.height), options.backend)
             painters.append(stack.enter_context(painter))
+            looks.append(_Look(reader, layer))
             where, strength = presentation(layer.track, layer.placing)
             poses.append(where)
             opacities.append(strength)
@@ -139,9 +142,10 @@ def render_layers(
         for frame in reader.frames(0, length):
             first = frame.time if first is None else first
             i = frame.index
-            for painter, where, strength in zip(painters, poses, opacities, strict=True):
+            seen = [look.at(i, frame.image) for look in looks]  # before anything is drawn
+            for painter, where, strength, conditions in zip(painters, poses, opacities, seen, strict=True):
                 if i < len(where):
-                    painter.draw(frame.image, where[i], float(strength[i]), frame.time - first)
+                    painter.draw(frame.image, where[i], float(strength[i]), frame.time - first, conditions)
             writer.write(frame.image, frame.time, frame.duration)
             count += 1
             progress("render", count, length, layers[0].track.states[i] if i < len(layers[0].track) else "")
@@ -158,6 +162,30 @@ def render_layers(
         list(dict.fromkeys([*warnings, *audio.warnings])),
         [{"ad": layer.ad and str(layer.ad), "states": layer.track.counts} for layer in layers],
     )
+
+
+class _Look:
+    """How a layer's surface looks in frame after frame; nothing is told where its placing is flat or it needs no ad."""
+
+    def __init__(self, reader: VideoReader, layer: Layer) -> None:
+        self._track = layer.track
+        self._appearance: Appearance | None = None
+        if layer.placing.flat or layer.placing.effect != "replace":
+            return
+        at = layer.track.reference_frame
+        for frame in reader.frames(at, at + 1):
+            self._appearance = Appearance(frame.image, layer.track.quad)
+
+    def at(self, index: int, image: Image) -> Conditions | None:
+        """The conditions in a frame (H, W, 3) of this index; None where nothing is told."""
+        track, appearance = self._track, self._appearance
+        if appearance is None or index >= len(track):
+            return None
+        if index in track.cuts:
+            appearance.forget()
+        if track.states[index] == "lost" or not np.isfinite(track.corners[index]).all():
+            return appearance.last()
+        return appearance.see(image, track.corners[index], float(track.deviation[index]))
 
 
 def total(counts: Iterable[dict[str, int]]) -> dict[str, int]:
