@@ -70,7 +70,9 @@ def compiled(model: ov.Model, threads: int | None = None) -> Function:
     outputs = len(model.outputs)
 
     def run(*inputs: NDArray[Any]) -> list[Floats]:
-        request.infer(list(inputs), share_inputs=True)
+        for i, value in enumerate(inputs):
+            request.set_input_tensor(i, ov.Tensor(value, shared_memory=True))
+        request.infer()
         return [request.get_output_tensor(i).data.copy() for i in range(outputs)]
 
     return run
