@@ -31,10 +31,8 @@ LEAST, MOST = 0.01, 16.0  # gains that are believed
 MIRRORED = 0.8  # the most that a gloss mirrors, or that it mirrored in the reference frame and does no more
 STEADY, CHANGE = 0.3, 0.2  # share of a small change that is taken on in a frame; what is sure to be one, as a ratio
 WHITE = 235.0  # grey levels of white in a frame that is exposed as usual
-DIM, USUAL = (
-    120.0,
-    190.0,
-)  # grey levels of what is brightest in a frame that is surely dark, and in one that need not be
+DIM = 120.0  # grey levels of what is brightest in a frame that is surely dark
+USUAL = 190.0  # from which it need not be
 BRIGHTEST = 0.995  # quantile of a frame's pixels that tells its white
 MEAN = np.full((1, 3), 1 / 3, np.float32)  # over the channels
 SMALL = 160  # px of a frame's longer side, at which its noise is averaged out
