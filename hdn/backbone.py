@@ -1,6 +1,6 @@
 """EfficientNet-Lite0, its stem and first three stages, at stride 8.
 
-The fourth stage, dilated to stay at this stride, cost a third of a frame's time and made translation less exact
+The fourth stage, dilated to stay at this stride, took a third of a branch's time and made translation less exact
 (docs/weights.md).
 """
 
