@@ -10,7 +10,7 @@ import numpy as np
 
 from hdn.agreement import Grey, cell_means
 from hdn.blur import between, blurred, shares
-from hdn.homography import Array, from_corners, transform, translation
+from hdn.homography import Array, derivative, from_corners, transform, translation
 from hdn.lucas_kanade import outline
 from hdn.sampling import Image, Pyramid
 
@@ -73,6 +73,15 @@ class Appearance:
         self._hidden: Grey | None = None
         self._lost = False
 
+    def conditions(self, frame: Image, pose: Array, deviation: float, lost: bool, cut: bool) -> Conditions:
+        """The conditions in the next frame, as far as tracking knows the surface in it.
+
+        Args: pose, deviation: as `see` takes them, or not finite. cut: whether the frame begins another shot.
+        """
+        if cut:
+            self.forget()
+        return self.last() if lost or not np.isfinite(pose).all() else self.see(frame, pose, deviation)
+
     def last(self) -> Conditions:
         """The conditions of a frame that nothing can be told of: the last light, and nothing else."""
         self._lost = True
@@ -93,7 +102,7 @@ class Appearance:
         if self._lost:
             self.forget()
         crop_to_frame = from_corners(self._outline, pose)
-        scale = _scale(crop_to_frame, self._width, self._height)
+        scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
         slack = min(deviation, UNKNOWN) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
         blur = self._blur(view, inside) if slack < ALIGNED else np.zeros((2, 2))
         template = _blurred(self._template, blur)
@@ -194,12 +203,6 @@ class _Box:
         self.image = frame[self.box]
         self.whole = bool((quad >= 0).all() and (quad <= bounds - 1).all())
         self.to_box = translation(-low[0], -low[1])
-
-
-def _scale(crop_to_frame: Array, width: int, height: int) -> Array:
-    """The homography's derivative (2, 2) in the crop's middle: what a step in the crop is in the frame."""
-    x, y, w = crop_to_frame @ [(width - 1) / 2, (height - 1) / 2, 1.0]
-    return (crop_to_frame[:2, :2] - np.outer([x / w, y / w], crop_to_frame[2, :2])) / w
 
 
 def _blurred(image: Floats, covariance: Array) -> Floats:

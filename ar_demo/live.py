@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from hdn import Estimate, Observation, Tracker
+from hdn import Observation, Tracker
 from hdn.errors import InputError
 from hdn.homography import Array
-from hdn.sampling import Image
 
 from .appearance import Appearance, Conditions
 from .cuts import CutDetector
@@ -63,7 +62,7 @@ class _Target:
             assert self.placing.quad is not None
             self.tracker.init(seen, self.placing.quad)
             self.started, self._opacity = elapsed, 1.0
-            if not self.placing.flat and self.placing.effect == "replace":
+            if self.placing.in_scene:
                 self._appearance = Appearance(frame.image, self.placing.quad)
         if cut:
             self.tracker.lose()
@@ -76,21 +75,14 @@ class _Target:
         else:
             self._pose = self._filter(estimate.corners, float(frame.time))
         if self._appearance is not None:
-            self._conditions = self._look(self._appearance, frame.image, estimate, cut)
+            lost = estimate.state == "lost"
+            self._conditions = self._appearance.conditions(frame.image, self._pose, estimate.deviation, lost, cut)
         return estimate.state
 
     def draw(self, frame: Frame, elapsed: Fraction) -> None:
         if self.started is not None:
             opacity = self._opacity * self.placing.opacity
             self.painter.draw(frame.image, self._pose, opacity, elapsed - self.started, self._conditions)
-
-    def _look(self, appearance: Appearance, image: Image, estimate: Estimate, cut: bool) -> Conditions:
-        """How the surface looks in a frame, before anything is drawn on it."""
-        if cut:
-            appearance.forget()
-        if estimate.state == "lost":
-            return appearance.last()
-        return appearance.see(image, self._pose, estimate.deviation)
 
     def _appear(self, lost: bool, elapsed: Fraction, cut: bool) -> None:
         """Lets the ad come and go as `Placing.lost` says, as far as that can be without knowing what comes."""

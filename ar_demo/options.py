@@ -130,6 +130,11 @@ class Placing:
     effect: Effect = "replace"
     flat: bool = False
 
+    @property
+    def in_scene(self) -> bool:
+        """Whether the ad takes on the scene's light, blur and occluders."""
+        return self.effect == "replace" and not self.flat
+
     def __post_init__(self) -> None:
         """Raises InputError for a value that is not allowed."""
         for name, choices in CHOICES.items():

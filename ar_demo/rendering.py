@@ -170,7 +170,7 @@ class _Look:
     def __init__(self, reader: VideoReader, layer: Layer) -> None:
         self._track = layer.track
         self._appearance: Appearance | None = None
-        if layer.placing.flat or layer.placing.effect != "replace":
+        if not layer.placing.in_scene:
             return
         at = layer.track.reference_frame
         for frame in reader.frames(at, at + 1):
@@ -181,11 +181,8 @@ class _Look:
         track, appearance = self._track, self._appearance
         if appearance is None or index >= len(track):
             return None
-        if index in track.cuts:
-            appearance.forget()
-        if track.states[index] == "lost" or not np.isfinite(track.corners[index]).all():
-            return appearance.last()
-        return appearance.see(image, track.corners[index], float(track.deviation[index]))
+        lost, cut = track.states[index] == "lost", index in track.cuts
+        return appearance.conditions(image, track.corners[index], float(track.deviation[index]), lost, cut)
 
 
 def total(counts: Iterable[dict[str, int]]) -> dict[str, int]:

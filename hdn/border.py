@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .agreement import CELLS, Grey
 from .blur import tukey
-from .homography import Array, translation
+from .homography import Array, parameter_rows, translation
 from .sampling import Pyramid
 
 REACH = 8  # px of the crop that is looked across the border, to either side
@@ -56,10 +56,8 @@ class Border:
         sides = (along * x, -there * y), (along * x, there * y), (-there * x, along * y), (there * x, along * y)
         u, v = np.concatenate(sides, 1)
         nx, ny = np.repeat(INWARD, CELLS, 0).T
-        radial = -(u * nx + v * ny)
         # How the places move inward, px, with the parameters.
-        rows = np.stack([u * nx, v * nx, nx, u * ny, v * ny, ny, u * radial, v * radial], 1)
-        self._rows = rows * max(width, height) / 2
+        self._rows = parameter_rows(u, v, nx, ny) * max(width, height) / 2
         self._at, self._stands_out = self._steps(frame, np.eye(3), np.zeros(4 * CELLS), AT_FIRST)
 
     @property

@@ -3,6 +3,8 @@
 Pixel coordinates: x right, y down, the centre of the top-left pixel is (0, 0).
 """
 
+from typing import Any
+
 import numpy as np
 import torch
 import torch.nn.functional as F
@@ -75,6 +77,18 @@ def project(matrix: Tensor, points: Tensor) -> Tensor:
     """Points (M, 2) or (B, M, 2) through homographies (B, 3, 3), differentiable: (B, M, 2)."""
     p = F.pad(points, (0, 1), value=1.0) @ matrix.transpose(1, 2)
     return p[..., :2] / p[..., 2:]
+
+
+def derivative(matrix: Array, point: Array) -> Array:
+    """How a homography (3, 3) moves what is about a point (2,): (2, 2), its columns for a step along x and along y."""
+    x, y, w = matrix @ np.append(point, 1.0)
+    return np.asarray((matrix[:2, :2] - np.outer([x / w, y / w], matrix[2, :2])) / w)
+
+
+def parameter_rows(u: Array, v: Array, dx: NDArray[Any], dy: NDArray[Any]) -> Array:
+    """What a warp's eight parameters, its difference to the identity, move points (N,) by: (N, 8), along (dx, dy)."""
+    radial = u * dx + v * dy
+    return np.stack([u * dx, v * dx, dx, u * dy, v * dy, dy, -u * radial, -v * radial], 1)
 
 
 def translation(x: float, y: float) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from .agreement import CELLS, Cells, Grey
 from .blur import blurred, normalise, shares, tukey
 from .border import NOTHING, Pull
-from .homography import Array, from_corners, normalised, square, transform
+from .homography import Array, from_corners, normalised, parameter_rows, square, transform
 from .sampling import Pyramid
 
 STILL = 0.02  # px of the crop that a step moves its edge by, under which the steps end
@@ -59,12 +59,9 @@ class Level:
         self._from_unit = np.linalg.inv(self._to_unit)
         self._pixel = 2.0 / usual  # of the usual crop, in unit coordinates
         self._same = SAME * self._usual_pixel**2
-        self.corners = np.array(
-            [
-                [[a, b, 1, 0, 0, 0, -a * a, -a * b], [0, 0, 0, a, b, 1, -a * b, -b * b]]
-                for a, b in square(1) * 2 * [w, h] / max(w, h)
-            ]
-        )
+        a, b = (square(1) * 2 * [w, h] / max(w, h)).T
+        one, zero = np.ones(4), np.zeros(4)
+        self.corners = np.stack([parameter_rows(a, b, one, zero), parameter_rows(a, b, zero, one)], 1)
         self._most_points = most_points
         self._learn(self.raw)
 
@@ -91,9 +88,7 @@ class Level:
         self._certainty = 1 / np.sqrt(MISMATCH**2 + np.square(NOISE / deviation[y, x]))
         dx, dy = gx[y, x] / self._scale, gy[y, x] / self._scale
         u, v, _ = self._to_unit @ self._points.T
-        radial = u * dx + v * dy
-        jacobian = np.stack([u * dx, v * dx, dx, u * dy, v * dy, dy, -u * radial, -v * radial], 1)
-        self._jacobian = jacobian.astype(np.float32)
+        self._jacobian = parameter_rows(u, v, dx, dy).astype(np.float32)
 
     def look(self, frame: Pyramid, homography: Array) -> Grey:
         """A frame rectified by a homography, (h, w) grey."""

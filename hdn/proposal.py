@@ -11,7 +11,17 @@ import numpy as np
 
 from .engine import Engine, Floats, survey_size
 from .evidence import SEEN, TRUSTED_SCORE
-from .homography import Array, from_corners, is_convex, normalised, similarity, square, transform, translation
+from .homography import (
+    Array,
+    derivative,
+    from_corners,
+    is_convex,
+    normalised,
+    similarity,
+    square,
+    transform,
+    translation,
+)
 from .observation import Observation
 from .polar import polar_points
 from .sampling import Image, Pyramid
@@ -170,6 +180,5 @@ class Proposer:
 
 def _rotation_and_scale(homography: Array, at: Array) -> tuple[float, float]:
     """Of the similarity that is nearest to a homography (3, 3) about a point: radians, and a ratio of lengths."""
-    middle, right, below = transform(homography, np.array([[0.0, 0], [1, 0], [0, 1]]) + at)
-    (a, c), (b, d) = right - middle, below - middle
+    (a, b), (c, d) = derivative(homography, at)
     return float(np.arctan2(c - b, a + d)), float(np.sqrt(abs(a * d - b * c)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .agreement import CELLS, Agreement, Grey, cell_means
 from .blur import between
 from .border import NOTHING, Border
-from .homography import Array, area, from_corners, normalised, side, transform
+from .homography import Array, area, derivative, from_corners, normalised, side, transform
 from .lucas_kanade import Level, outline
 from .observation import Observation
 
@@ -141,9 +141,8 @@ class Refiner:
         """The blur of an alignment in the frame about the target's middle: (2, 2) px^2."""
         to_frame = alignment.homography @ self._usual.to_template
         middle = np.array([(self._usual.width - 1) / 2, (self._usual.height - 1) / 2])
-        x, y = (transform(to_frame, middle + step) - transform(to_frame, middle - step) for step in np.eye(2) / 2)
-        derivative = np.stack([x, y], 1)
-        return np.asarray(derivative @ alignment.blur @ derivative.T)
+        stretch = derivative(to_frame, middle)
+        return np.asarray(stretch @ alignment.blur @ stretch.T)
 
     def _blur(self, frame: Observation, alignment: Alignment) -> Array:
         """How much more the frame blurs the target than the template, (2, 2) px^2 of the usual crop; 0 where alike."""
