@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from hdn.benchmark.identity import digest, tracker_sources
+from hdn.benchmark.identity import digest, sources, tracker_sources
 from hdn.commandline import DONE, Parser, run
 from hdn.errors import InputError
 from hdn.homography import Array
@@ -83,8 +83,7 @@ def evaluate_all(scenes: list[Scene], out: Path, weights: Path | None = None) ->
         load(weights)  # says now what is wrong with them
     kept = out / "scenes"
     kept.mkdir(parents=True, exist_ok=True)
-    code = [path for path in sorted(Path(__file__).parent.glob("*.py")) if path.stem not in NO_PART]
-    code += [*tracker_sources(), weights or shipped()]
+    code = [*sources(Path(__file__).parent, NO_PART), *tracker_sources(), weights or shipped()]
     scores = []
     for scene in tqdm(scenes, unit=" sequences", disable=not sys.stderr.isatty()):
         files = [scene.file, scene.clip, scene.ad, scene.truth]

@@ -138,10 +138,14 @@ def test_tracks_by_other_code_or_weights_do_not_serve(
     monkeypatch.setitem(trackers.PEERS, "fake", fake)
     monkeypatch.setitem(trackers.OURS, "hdn", trackers.Ours("compact", fake))
     sources = tmp_path / "hdn"
-    (sources / "benchmark").mkdir(parents=True)
-    names = ("tracker", "homography", "training", "benchmark/trackers", "benchmark/sequences", "benchmark/degradation")
+    names = (
+        *("tracker", "homography", "alignment/border", "training/loop"),
+        *("benchmark/trackers", "benchmark/sequences", "benchmark/degradation"),
+    )
     for name in names:
+        (sources / name).parent.mkdir(parents=True, exist_ok=True)
         (sources / f"{name}.py").write_text("x = 1")
+    monkeypatch.setattr(identity, "ROOT", tmp_path)
     monkeypatch.setattr(identity, "HERE", sources / "benchmark")
     weights = tmp_path / "weights"
     shutil.copy(shipped(), weights)
@@ -156,9 +160,12 @@ def test_tracks_by_other_code_or_weights_do_not_serve(
         (sources / f"{name}.py").write_text("x = 2")
 
     assert [runs("fake"), runs("hdn"), runs("fake"), runs("hdn")] == [2, 2, 0, 0]
-    change("training")
+    change("training/loop")
     assert [runs("fake"), runs("hdn")] == [0, 0]
-    change("tracker")
+    for name in ("tracker", "alignment/border"):
+        change(name)
+        assert [runs("fake"), runs("hdn")] == [0, 2]
+    (sources / "alignment" / "border.py").rename(sources / "border.py")  # what moved may be imported by others
     assert [runs("fake"), runs("hdn")] == [0, 2]
     change("benchmark/trackers")
     assert [runs("fake"), runs("hdn")] == [2, 2]

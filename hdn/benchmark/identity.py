@@ -5,29 +5,38 @@ import os
 import platform
 import subprocess
 from collections.abc import Iterable
-from fnmatch import fnmatch
 from pathlib import Path
 
 import cv2
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]  # the checkout, where there is one
-# Modules of hdn that have no part in tracking.
-NOT_TRACKING = ("analysis*", "importing", "losses", "speed", "synthesis", "training")
+# Parts of hdn that have nothing to do with tracking, by their path in it.
+NOT_TRACKING = ("analysis", "benchmark", "importing", "losses", "speed", "synthesis", "training")
 
 
 def digest(files: Iterable[Path]) -> str:
-    """16 hexadecimal digits that change with the names or contents of any of the files."""
+    """16 hexadecimal digits that change with the names, places or contents of any of the files."""
     total = hashlib.sha256()
     for path in files:
-        total.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+        name = path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else path.name
+        total.update(name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
     return total.hexdigest()[:16]
+
+
+def sources(package: Path, without: Iterable[str] = ()) -> list[Path]:
+    """The Python files of a package, in all of its folders.
+
+    Args:
+        without: what is left out, each a path from the package on, of a folder ("training") or a module ("cli/bar").
+    """
+    found = {path.relative_to(package).with_suffix(""): path for path in sorted(package.rglob("*.py"))}
+    return [path for place, path in found.items() if not any(place.is_relative_to(other) for other in without)]
 
 
 def tracker_sources() -> list[Path]:
     """The files of the `hdn` package that may have a part in tracking."""
-    files = sorted(HERE.parent.glob("*.py"))
-    return [path for path in files if not any(fnmatch(path.stem, pattern) for pattern in NOT_TRACKING)]
+    return sources(HERE.parent, NOT_TRACKING)
 
 
 def made_by(weights: Path | None) -> str:
