@@ -20,7 +20,7 @@ test: .venv/installed
 	$(BIN)/python -m pytest
 
 benchmarks: .venv/installed
-	$(BIN)/python -m ar_demo.evaluation_report $(CLIPS)
+	$(BIN)/python -m ar_demo.evaluation.report $(CLIPS)
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv

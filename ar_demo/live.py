@@ -15,22 +15,25 @@ from typing import Any
 import numpy as np
 
 from hdn import Observation, Tracker
-from hdn.errors import InputError
-from hdn.homography import Array
+from hdn.imaging.arrays import Array
 
-from .appearance import Appearance, Conditions
-from .cuts import CutDetector
-from .oneeuro import OneEuro
+from .errors import InputError
+from .media.live_stream import Stream
+from .media.reader import Frame
+from .media.sinks import StreamWriter, standard_output
+from .media.writer import VideoWriter
 from .options import Moment, Options
-from .painting import Painter, check_ad
 from .pipeline import Surface
 from .progress import Progress, silent
-from .rendering import FADE_SECONDS, Result, check_output, total
-from .streams import Stream, StreamWriter, standard_output
-from .trackfile import STATES
-from .tracking import load_trackers
-from .video import Frame
-from .writer import VideoWriter
+from .rendering.loop import check_output
+from .rendering.painting import Painter, check_ad
+from .rendering.presentation import FADE_SECONDS
+from .results import Result, total
+from .scene.conditions import Appearance, Conditions
+from .track import STATES
+from .tracking.cuts import CutDetector
+from .tracking.oneeuro import OneEuro
+from .tracking.passes import load_trackers
 
 log = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from hdn.errors import InputError
+from .errors import InputError
 
 Fit = Literal["stretch", "contain", "cover"]
 Playback = Literal["loop", "hold", "once"]

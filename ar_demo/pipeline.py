@@ -7,13 +7,14 @@ from dataclasses import replace as changed
 from pathlib import Path
 
 from .options import Options, Placing
-from .painting import check_ad
 from .progress import Progress, silent
-from .rendering import Layer, Result, check_output, render_layers
-from .retracking import retrack
-from .smoothing import smooth
-from .trackfile import Track
-from .tracking import track_surfaces
+from .rendering.loop import Layer, check_output, render_layers
+from .rendering.painting import check_ad
+from .results import Result
+from .track import Track
+from .tracking.corrections import retrack
+from .tracking.passes import track_surfaces
+from .tracking.smoothing import smooth
 
 
 @dataclass(frozen=True)

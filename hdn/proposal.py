@@ -9,22 +9,14 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from .engine import Engine, Floats, survey_size
 from .evidence import SEEN, TRUSTED_SCORE
-from .homography import (
-    Array,
-    derivative,
-    from_corners,
-    is_convex,
-    normalised,
-    similarity,
-    square,
-    transform,
-    translation,
-)
-from .observation import Observation
-from .polar import polar_points
-from .sampling import Image, Pyramid
+from .imaging.arrays import Array, Floats, Image
+from .imaging.homography import derivative, from_corners, normalised, similarity, transform, translation
+from .imaging.observation import Observation
+from .imaging.pyramid import Pyramid
+from .imaging.quads import is_convex, square
+from .networks.engine import Engine, survey_size
+from .networks.polar import polar_points
 
 FAR = 4.0  # px of the residual crop that its corners are off by, on average, from which a second look is worth it
 CLEAR = 0.8  # share of the target seen, from which nothing hides it

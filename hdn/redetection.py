@@ -2,8 +2,9 @@
 
 import cv2
 
-from .homography import Array, normalised
-from .observation import Observation, find_keypoints
+from .imaging.arrays import Array
+from .imaging.homography import normalised
+from .imaging.observation import Observation, find_keypoints
 
 MIN_INLIERS = 12
 TOLERANCE = 3.0  # px

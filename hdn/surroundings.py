@@ -3,8 +3,10 @@
 import cv2
 import numpy as np
 
-from .homography import Array, is_convex, normalised, transform
-from .sampling import Pyramid
+from .imaging.arrays import Array
+from .imaging.homography import normalised, transform
+from .imaging.pyramid import Pyramid
+from .imaging.quads import is_convex
 
 LONGEST = 640  # px of the frame that points are followed in
 POINTS, MIN_INLIERS, MIN_SHARE = 300, 20, 0.4  # points followed; those that must agree, and their share

@@ -7,17 +7,18 @@ from typing import Literal, NamedTuple
 import cv2
 import numpy as np
 
-from . import weights
-from .agreement import CELLS
-from .engine import Engine, Floats
-from .errors import InputError
+from .alignment.agreement import CELLS
+from .alignment.refinement import LOOSE, Alignment, Refiner
 from .evidence import FIX, SEEN, TRUSTED_SCORE, Evidence, calibrated, is_fix, is_hint, is_shown, is_sure_fix
-from .homography import Array, area, is_convex, normalised, side, transform
-from .observation import Observation
+from .imaging.arrays import Array, Floats, Image
+from .imaging.homography import normalised, transform
+from .imaging.observation import Observation
+from .imaging.pyramid import Pyramid
+from .imaging.quads import area, check_quad, is_convex, side
+from .networks import weights
+from .networks.engine import Engine
 from .proposal import Proposal, Proposer, Stage
 from .redetection import Redetector
-from .refinement import LOOSE, Alignment, Refiner
-from .sampling import Image, Pyramid
 from .surroundings import surrounding_motion
 
 State = Literal["tracked", "held", "lost"]
@@ -28,7 +29,6 @@ SURE = 0.85  # support beyond which no other start is tried
 ATTACHED_PX, ATTACHED_SHARE = 1.5, 0.15
 # Covariance that a step with the surroundings adds: 0.3 px at the crop's edge, half of it for perspective.
 CARRIED = np.diag(np.square([0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15, 0.15]))
-MIN_SIDE = 16  # px: a smaller target shows too little to track
 # Standard deviation of the corners up to which a target counts as tracked: px, or as a share of its size. With what
 # `is_shown` asks for, it drops one good pose in forty of the drawn clips of `hdn-analyse states`, seeds 1 and 21, and
 # more than half of the wrong ones.
@@ -301,21 +301,6 @@ def _unrefined(proposal: Proposal) -> _Finding:
 def _cells(visible: Floats) -> Floats:
     """A map of the target at any resolution as (8, 8)."""
     return np.asarray(cv2.resize(visible, (CELLS, CELLS), interpolation=cv2.INTER_AREA), np.float32)
-
-
-def check_quad(quad: Array, width: int, height: int) -> None:
-    """Raises InputError unless the quad (4, 2) is convex, inside a width x height frame and at least 16 px wide."""
-    if quad.shape != (4, 2) or not np.isfinite(quad).all():
-        raise InputError(f"the quad has {len(quad)} points: give four corners x,y, top-left first, clockwise")
-    if ((quad < -1) | (quad > [width, height])).any():  # corners on the frame's very edge are fine
-        raise InputError(f"the quad lies outside the {width}x{height} frame: give corners inside it")
-    sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
-    if not is_convex(quad):
-        raise InputError(
-            "the quad crosses itself, bends inward or is flat: give the corners in order around the surface"
-        )
-    if sides.min() < MIN_SIDE or abs(area(quad)) < MIN_SIDE**2:
-        raise InputError(f"the quad is under {MIN_SIDE} px wide or high: choose a frame where the surface is larger")
 
 
 def _observed(frame: Image | Observation) -> Observation:

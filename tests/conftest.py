@@ -3,9 +3,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from ar_demo import cli
-from hdn import weights
-from hdn.engine import Engine
+from ar_demo.cli import entry as cli
+from hdn.networks import weights
+from hdn.networks.engine import Engine
 
 Main = Callable[[list[str]], None]
 Run = Callable[..., tuple[int, str, str]]

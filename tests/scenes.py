@@ -6,7 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hdn.homography import Array, from_corners, similarity, square, transform, translation
+from hdn.imaging.arrays import Array
+from hdn.imaging.homography import from_corners, similarity, transform, translation
+from hdn.imaging.quads import square
 
 Image = NDArray[np.uint8]
 

@@ -14,17 +14,18 @@ import cv2
 import numpy as np
 import pytest
 
-from ar_demo import live, tracking
+from ar_demo import live
 from ar_demo.live import replace_live
+from ar_demo.media.live_stream import Stream
+from ar_demo.media.reader import VideoReader
 from ar_demo.options import Moment, Options
 from ar_demo.pipeline import Surface
-from ar_demo.streams import Stream
-from ar_demo.video import VideoReader
+from ar_demo.tracking import passes as tracking
 from hdn import Tracker
-from hdn.engine import Engine
 from hdn.errors import InputError
+from hdn.networks.engine import Engine
 
-from .media import frame_times, make_clip, number_of, numbered
+from .clips import frame_times, make_clip, number_of, numbered
 from .scenes import Scene, path
 
 FRAMES = 20
@@ -153,7 +154,7 @@ def test_ctrl_c_ends_it_with_a_finished_file(clip: Path, ad: Path, truth: list[n
 
 
 def test_a_stream_on_standard_output(clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
-    command = [sys.executable, "-c", "from ar_demo.cli import replace_main; replace_main()", "--live", clip, ad]
+    command = [sys.executable, "-c", "from ar_demo.cli.entry import replace_main; replace_main()", "--live", clip, ad]
     quad = ["--quad", *(f"{x},{y}" for x, y in truth[0])]
     done = subprocess.run(
         [*command, *quad, "-o", "-", "--backend", "opencv", "--json", "--quiet"], capture_output=True, check=False

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from hdn import Tracker
-from hdn.engine import Engine
-from hdn.homography import similarity, transform, translation
-from hdn.sampling import Pyramid
+from hdn.imaging.homography import similarity, transform, translation
+from hdn.imaging.pyramid import Pyramid
+from hdn.networks.engine import Engine
 from hdn.surroundings import surrounding_motion
 
 from .scenes import Scene, error, texture

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from hdn import InputError, Tracker
-from hdn.engine import Engine
 from hdn.evidence import Evidence, is_fix
+from hdn.networks.engine import Engine
 from hdn.tracker import HOLD_FRAMES
 
 from .scenes import Scene, error, moved, path

@@ -15,7 +15,8 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..homography import Array, transform
+from ..imaging.arrays import Array
+from ..imaging.homography import transform
 from .sequences import IMAGES, Sequence, find_source
 
 log = logging.getLogger(__name__)

@@ -3,8 +3,9 @@
 import cv2
 import numpy as np
 
-from ..homography import Array, from_corners, square, transform
-from ..sampling import Image
+from ..imaging.arrays import Array, Image
+from ..imaging.homography import from_corners, transform
+from ..imaging.quads import square
 
 DEGRADATIONS = {
     "blur": "25 px of horizontal motion blur",

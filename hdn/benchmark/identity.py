@@ -12,7 +12,7 @@ import cv2
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]  # the checkout, where there is one
 # Parts of hdn that have nothing to do with tracking, by their path in it.
-NOT_TRACKING = ("analysis", "benchmark", "importing", "losses", "speed", "synthesis", "training")
+NOT_TRACKING = ("analysis", "benchmark", "networks/importing", "synthesis", "training")
 
 
 def digest(files: Iterable[Path]) -> str:
@@ -43,7 +43,7 @@ def made_by(weights: Path | None) -> str:
     """The digest of what makes a track besides the frames: one of ours with its weights, or a peer (None)."""
     files = [HERE / name for name in ("trackers.py", "sequences.py", "degradation.py")]
     if weights is None:
-        return f"{digest([*files, HERE.parent / 'homography.py'])}, OpenCV {cv2.__version__}"
+        return f"{digest([*files, *sources(HERE.parent / 'imaging')])}, OpenCV {cv2.__version__}"
     return digest([*files, *tracker_sources(), weights])
 
 

@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..homography import Array, from_corners, is_convex, transform
+from ..imaging.arrays import Array
+from ..imaging.homography import from_corners, transform
+from ..imaging.quads import is_convex
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]

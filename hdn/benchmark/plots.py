@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..homography import Array
+from ..imaging.arrays import Array
 from .metrics import HOMOGRAPHY_THRESHOLDS, LENGTH_THRESHOLDS, PRECISION_THRESHOLDS, curves
 from .report import Result, attribute_table, by_tracker
 

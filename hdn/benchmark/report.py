@@ -9,8 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..homography import Array
-from ..sampling import Image
+from ..imaging.arrays import Array, Image
 from .metrics import Measures, alignment_errors, figures, mean_figures, pooled
 from .running import Track
 from .sequences import Sequence

@@ -15,8 +15,7 @@ import numpy as np
 import torch
 
 from ..errors import InputError, RunError
-from ..homography import Array
-from ..sampling import Image
+from ..imaging.arrays import Array, Image
 from .metrics import Flags
 from .sequences import Sequence
 from .trackers import LOST, Answer, make_tracker

@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..homography import Array
-from ..sampling import Image
+from ..imaging.arrays import Array, Image
 from .degradation import DEGRADATIONS, SKIP, degrade
 
 IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm", ".webp", ".tif", ".tiff"}

@@ -12,16 +12,17 @@ from typing import NamedTuple, Protocol
 import cv2
 import numpy as np
 
-from .. import weights
-from ..config import COMPACT, PAPER
-from ..engine import Engine
 from ..errors import InputError
 from ..evidence import TRUSTED_SCORE
-from ..homography import Array, from_corners, is_convex
-from ..homography import transform as through
+from ..imaging.arrays import Array, Image
+from ..imaging.homography import from_corners
+from ..imaging.homography import transform as through
+from ..imaging.quads import is_convex
+from ..networks import weights
+from ..networks.authors import ReferenceTracker
+from ..networks.config import COMPACT, PAPER
+from ..networks.engine import Engine
 from ..proposal import Stage
-from ..reference import ReferenceTracker
-from ..sampling import Image
 from ..tracker import State, Tracker
 
 

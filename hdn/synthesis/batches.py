@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 import torch
 from torch import Tensor
 
-from ..homography import dlt, project
+from ..networks.geometry import dlt, project
 from .covers import cut_by_border, inside, occlude
 from .looks import USUAL, Look
 from .photos import Photos, pixel_grid, random_photos

@@ -7,7 +7,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ..jpeg import compress
+from .jpeg import compress
 from .photos import pixel_grid
 from .views import uniform
 

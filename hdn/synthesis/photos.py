@@ -12,8 +12,8 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from ..errors import InputError
-from ..homography import project
-from ..sampling import Image
+from ..imaging.arrays import Image
+from ..networks.geometry import project
 
 SIDE = 304  # images are kept as squares of this side; their aspect does not matter to a texture
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import torch
 
-from ..config import Config
 from ..errors import InputError
+from ..networks.config import Config
 from .curves import Row
 from .loop import Data, train
 from .packing import pack

@@ -6,8 +6,8 @@ from typing import Any
 
 import torch
 
-from ..config import Config
 from ..errors import InputError
+from ..networks.config import Config
 
 
 def write_checkpoint(path: Path, state: dict[str, Any]) -> None:

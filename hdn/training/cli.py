@@ -8,10 +8,10 @@ from pathlib import Path
 
 import torch
 
-from .. import weights
 from ..commandline import Parser, run
-from ..config import COMPACT
 from ..errors import InputError
+from ..networks import weights
+from ..networks.config import COMPACT
 from ..synthesis import Photos
 from . import ablation
 from .checkpoint import read_checkpoint

@@ -8,11 +8,11 @@ from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
-from .. import weights
-from ..backbone import Backbone
-from ..config import Config
 from ..errors import InputError
-from ..similarity import SimilarityNetwork
+from ..networks import weights
+from ..networks.backbone import Backbone
+from ..networks.config import Config
+from ..networks.similarity import SimilarityNetwork
 
 FAILURES = (
     RuntimeError, ValueError, KeyError, OSError, EOFError, AttributeError, pickle.UnpicklingError, SafetensorError,

@@ -9,11 +9,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from ..config import COMPACT, Config
 from ..errors import RunError
-from ..paper import PaperResidual
-from ..residual import ResidualNetwork
-from ..similarity import SimilarityNetwork
+from ..networks.config import COMPACT, Config
+from ..networks.paper import PaperResidual
+from ..networks.residual import ResidualNetwork
+from ..networks.similarity import SimilarityNetwork
 from ..synthesis import Photos
 from . import curves
 from .checkpoint import read_checkpoint, write_checkpoint

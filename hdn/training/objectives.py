@@ -8,13 +8,12 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from .. import losses
-from ..compilation import compiled, convert
-from ..homography import dlt, project
-from ..paper import PaperResidual
-from ..polar import polar_crop, polar_points
-from ..residual import STRIDE, Matches, ResidualNetwork, geometry
-from ..similarity import SimilarityNetwork
+from ..networks.geometry import dlt, project
+from ..networks.openvino import compiled, convert
+from ..networks.paper import PaperResidual
+from ..networks.polar import polar_crop, polar_points
+from ..networks.residual import STRIDE, Matches, ResidualNetwork, geometry
+from ..networks.similarity import SimilarityNetwork
 from ..synthesis import (
     Motion,
     Photos,
@@ -24,6 +23,7 @@ from ..synthesis import (
     similarity_batch,
     unlabelled_batch,
 )
+from . import losses
 from .data import Clips
 from .recipes import Recipe
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import torch
 
-from .. import weights
 from ..errors import InputError
+from ..networks import weights
 from .checkpoint import read_checkpoint
 
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from ..config import COMPACT, PAPER, Config
+from ..networks.config import COMPACT, PAPER, Config
 from ..synthesis import Look
 
 USUAL_AND_COMPRESSED = Look(compressed=0.15)

@@ -8,11 +8,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from .. import losses
 from ..benchmark.metrics import roc_area
-from ..homography import dlt, project
+from ..networks.geometry import dlt, project
 from ..proposal import FAR
 from ..synthesis import Look, Photos, residual_batch, similarity_batch
+from . import losses
 from .objectives import (
     BranchBatch,
     BranchObjective,

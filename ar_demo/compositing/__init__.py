@@ -1,0 +1,1 @@
+"""Drawing of ads onto quads."""

@@ -1,0 +1,1 @@
+"""`ar-eval`: how good composites are."""

@@ -1,0 +1,164 @@
+"""`ar-eval`: how good composites are, against the picture as it would have been.
+
+SynthPlanar has each scene twice: with a poster, and with an ad in its place under the same light, blur and passers-by.
+The whole pipeline puts the ad onto the poster clip, and what comes out is compared with the true ad clip, in every
+frame where any of the surface is in view. Two more composites go the same way:
+
+    true corners    our compositor with the true corners: what is still missing is not the tracker's fault
+    plain warp      bilinear sampling and hard edges, with the corners that our pipeline found
+
+What is compared is what the compositor made: it is written without loss, as RGB. The clips that are read are
+compressed, the poster's and the true one alike, which bounds what can be reached.
+"""
+
+import csv
+import json
+import logging
+import os
+import sys
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import cv2
+import numpy as np
+from tqdm import tqdm
+
+from hdn.benchmark.identity import digest, sources, tracker_sources
+from hdn.commandline import DONE, Parser, run
+from hdn.imaging.arrays import Array, Image
+from hdn.networks.weights import load, shipped
+
+from ..errors import InputError
+from .quality import NAMES
+from .scenes import COMPOSITES, Scene, Scores, evaluate, read_scenes
+
+# Modules that change no figure.
+NO_PART = ("cli", "compositing/benchmark", "evaluation/cli", "evaluation/published", "evaluation/report", "progress")
+SHEET_ROWS = 9
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of ar-eval."""
+    sys.exit(run(_command, arguments, "finished sequences are kept, the same command goes on from there"))
+
+
+def _command(arguments: Sequence[str] | None) -> int:
+    parser = Parser(
+        prog="ar-eval",
+        description="Compare our composites on SynthPlanar with the picture as it would have been: PSNR and SSIM "
+        "inside the surface and on its edge, with the plain warp as the baseline. Finished sequences are kept, and run "
+        "again when code or weights have changed.",
+        epilog="Exit status: 0 done, 1 failed while working, 2 wrong input.",
+    )
+    parser.add_argument("folder", type=Path, help="what hdn-synthplanar wrote")
+    parser.add_argument("--out", type=Path, default=Path("runs/ar-eval"), metavar="DIR", help="default runs/ar-eval")
+    parser.add_argument("--only", metavar="PATTERN", help="only sequences with such names, as in 'scale-*'")
+    parser.add_argument("--limit", type=int, metavar="N", help="only each clip's first N frames")
+    parser.add_argument("--weights", type=Path, metavar="FILE", help="another weights file than the shipped one")
+    parser.add_argument("--quiet", action="store_true", help="print no table")
+    options = parser.parse_args(arguments)
+    logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING)
+    if options.limit is not None and options.limit < 2:
+        raise InputError("--limit takes 2 or more")
+    scenes = [s for s in read_scenes(options.folder) if options.only is None or fnmatchcase(s.name, options.only)]
+    if not scenes:
+        raise InputError(f"no sequence is called like '{options.only}': see the names without --only")
+    scores = evaluate_all([s.limited(options.limit) for s in scenes], options.out, options.weights)
+    markdown = write(scores, options.out)
+    if not options.quiet:
+        print(markdown)
+        print(f"Written to {options.out}")
+    return DONE
+
+
+def evaluate_all(scenes: list[Scene], out: Path, weights: Path | None = None) -> list[Scores]:
+    """Evaluates scenes, those apart of which the folder `out` has the figures by the same code and weights.
+
+    Raises:
+        InputError, RunError: see `replace`.
+    """
+    if weights is not None:
+        load(weights)  # says now what is wrong with them
+    kept = out / "scenes"
+    kept.mkdir(parents=True, exist_ok=True)
+    code = [*sources(Path(__file__).parents[1], NO_PART), *tracker_sources(), weights or shipped()]
+    scores = []
+    for scene in tqdm(scenes, unit=" sequences", disable=not sys.stderr.isatty()):
+        files = [scene.file, scene.clip, scene.ad, scene.truth]
+        made_of = f"{digest([*code, *files])}, {len(scene.corners)} frames"
+        found = _load(scene, kept, made_of)
+        if found is None:
+            found, rows = evaluate(scene, weights)
+            for kind, row in rows.items():
+                _write(kept / f"{scene.name}-{kind}.png", row)
+            _save(found, kept, made_of)
+        scores.append(found)
+    return scores
+
+
+def _load(scene: Scene, folder: Path, made_of: str) -> Scores | None:
+    try:
+        data = json.loads((folder / f"{scene.name}.json").read_text(encoding="utf-8"))
+    except (FileNotFoundError, json.JSONDecodeError):
+        return None
+    if data["of"] != made_of:
+        return None
+    nothing = [[np.nan] * len(NAMES)] * len(COMPOSITES)
+    frames = np.array([nothing if f is None else f for f in data["frames"]], np.float64)
+    return Scores(scene, frames, data["compositor"])
+
+
+def _save(scores: Scores, folder: Path, made_of: str) -> None:
+    frames = [None if np.isnan(f).any() else np.round(f, 4).tolist() for f in scores.frames]
+    data = {"of": made_of, "compositor": scores.compositor, "frames": frames}
+    part = folder / f".{scores.scene.name}.{os.getpid()}.part"
+    part.write_text(json.dumps(data), encoding="utf-8")
+    part.replace(folder / f"{scores.scene.name}.json")
+
+
+def write(scores: list[Scores], out: Path) -> str:
+    """Writes quality.md, quality.csv, worst.png and median.png; returns the Markdown."""
+    frames = sum(int(np.isfinite(s.frames[:, 0, 0]).sum()) for s in scores)
+    drawn = ", ".join(dict.fromkeys(s.compositor for s in scores))
+    text = [f"{len(scores)} sequences, {frames} frames in view. Compositor: {drawn}.", ""]
+    attributes = ["all", *dict.fromkeys(s.scene.attribute for s in scores)]
+    means = {a: np.mean([s.mean for s in scores if a in ("all", s.scene.attribute)], 0) for a in attributes}
+    for where, title in (("inside", "Inside the surface"), ("edge", "In a band of 6 px on its edge")):
+        text += [f"{title}:", "", *_markdown(means, where), ""]
+    markdown = "\n".join(text)
+    (out / "quality.md").write_text(markdown, encoding="utf-8")
+    with (out / "quality.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["attribute", "composite", *NAMES])
+        for attribute, mean in means.items():
+            for composite, figures in zip(COMPOSITES, mean, strict=True):
+                writer.writerow([attribute, composite, *(f"{f:.4f}" for f in figures)])
+    worst_first = sorted(scores, key=lambda s: float(s.frames[s.ranked[0], 0, 0]))
+    for kind in ("worst", "median"):
+        _write(out / f"{kind}.png", sheet(worst_first, out, kind))
+    return markdown
+
+
+def _markdown(means: dict[str, Array], where: str) -> list[str]:
+    columns = [(n, metric) for n, metric in enumerate(NAMES) if metric.endswith(where)]
+    heads = [f"{metric.split()[0]}, {composite}" for _, metric in columns for composite in COMPOSITES]
+    lines = ["| attribute | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
+    for attribute, mean in means.items():
+        cells = [f"{mean[k, n]:.{2 if metric.startswith('PSNR') else 3}f}" for n, metric in columns for k in range(3)]
+        lines.append(f"| {attribute} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def sheet(scores: list[Scores], out: Path, kind: str) -> Image:
+    """The "worst" or "median" frames, a row each: poster, true ad, ours, plain warp around the surface."""
+    rows = [cv2.imread(str(out / "scenes" / f"{s.scene.name}-{kind}.png")) for s in scores[:SHEET_ROWS]]
+    return np.asarray(cv2.cvtColor(np.vstack([r for r in rows if r is not None]), cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def _write(path: Path, picture: Image) -> None:
+    cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,137 @@
+"""Live sources and outputs: frames as they come, late ones dropped; and a stream that goes to another program."""
+
+import platform
+import re
+import time
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from threading import Condition, Event, Thread
+from typing import Any
+
+import av
+from av.container import InputContainer
+from av.video.stream import VideoStream
+
+from ..closing import Closing
+from ..errors import InputError
+from . import color
+from .decode import Clock, decode, frame_rate, open_video
+from .reader import Frame
+
+TIMEOUT = 10.0  # seconds without an answer after which a network source counts as gone
+
+
+class Stream(Closing):
+    """A camera, a network stream, or a file played as one. A context manager.
+
+    A thread decodes and keeps the newest frame ready: what is not fetched before the next one comes is dropped, so that
+    nothing queues up. A file is played at the pace of its times.
+
+    Attributes:
+        width, height: of the frames, upright, px.
+        rate: frames per second, as far as known. time_base: seconds per tick.
+        dropped: frames that came too fast.
+    """
+
+    def __init__(self, source: str) -> None:
+        """Args: source: a camera's number or device (0, /dev/video0), a URL (rtsp://, http://), or a file.
+
+        Raises:
+            InputError: it cannot be opened, or shows nothing.
+        """
+        self.name = source
+        self.dropped = 0
+        self.warnings: list[str] = []
+        self._container, self._stream, self._paced = _open(source)
+        self._frames = decode(self._container, self._stream, self._damaged)
+        first = next(self._frames, None)
+        if first is None:
+            self._container.close()
+            raise InputError(f"{source} shows no frame that can be decoded: check the source")
+        self._first = first
+        self._rotation = color.rotation_of(first)
+        self._size = first.width, first.height
+        sideways = self._rotation in (90, 270)
+        self.width, self.height = self._size[::-1] if sideways else self._size
+        self.rate = frame_rate(self._stream)
+        self.time_base = self._stream.time_base or 1 / self.rate
+        self._stop = Event()
+        self._ready = Condition()
+        self._newest: tuple[int, Fraction, av.VideoFrame] | None = None
+        self._over = False
+        self._thread = Thread(target=self._read, name="stream", daemon=True)
+
+    def frames(self, stop: Event) -> Iterator[Frame]:
+        """Frames as they come, until the source ends or `stop` is set; index counts dropped ones too."""
+        to_rgb = color.ToRGB()
+        self._thread.start()
+        while not stop.is_set():
+            with self._ready:
+                while self._newest is None and not self._over and not stop.is_set():
+                    self._ready.wait(0.1)  # so that a signal is seen to
+                newest, self._newest = self._newest, None
+            if newest is None:
+                return
+            index, at, frame = newest
+            yield Frame(index, at, 1 / self.rate, to_rgb(frame, self._rotation, self._size))
+
+    def close(self) -> None:
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(TIMEOUT)
+        if not self._thread.is_alive():  # else it is stuck in the driver, and goes with the process
+            self._newest = None
+            self._frames.close()  # before what it decodes from goes
+            self._container.close()
+
+    def _read(self) -> None:
+        """In the thread: decodes, waits for a file's pace, and puts each frame where the last one was."""
+        clock = Clock(self.rate, self.time_base)
+        begun, zero = time.monotonic(), None
+        frame: av.VideoFrame | None = self._first
+        index = 0
+        while frame is not None and not self._stop.is_set():
+            at = clock.time(frame)
+            zero = at if zero is None else zero
+            if self._paced and self._stop.wait(max(0.0, begun + float(at - zero) - time.monotonic())):
+                break
+            with self._ready:
+                self.dropped += self._newest is not None
+                self._newest = index, at, frame
+                self._ready.notify()
+            frame, index = next(self._frames, None), index + 1
+        with self._ready:
+            self._over = True
+            self._ready.notify()
+
+    def _damaged(self) -> None:
+        message = f"{self.name} is damaged or broke off: what can be decoded is used"
+        if message not in self.warnings:
+            self.warnings.append(message)
+
+
+def _open(source: str) -> tuple[InputContainer, VideoStream, bool]:
+    """The source's container and picture stream, and whether it has to be played at a pace."""
+    if not re.fullmatch(r"\d+", source) and "://" not in source and not source.startswith("/dev/"):
+        return *open_video(Path(source)), True
+    where: dict[str, Any] = {}
+    target = source
+    if "://" not in source:
+        system = platform.system()
+        if system == "Windows":
+            raise InputError("cameras cannot be opened on Windows: give a stream's URL (rtsp://, http://)")
+        number = source.isdigit()
+        target = source if not number else f"{source}:none" if system == "Darwin" else f"/dev/video{source}"
+        where = {"format": "avfoundation" if system == "Darwin" else "v4l2"}
+    elif source.startswith("rtsp"):
+        where = {"options": {"rtsp_transport": "tcp"}}
+    try:
+        container = av.open(target, timeout=TIMEOUT if "://" in source else None, **where)
+    except (av.FFmpegError, OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot open {source} ({reason.lower()}): check the camera or the address") from error
+    if not container.streams.video:
+        container.close()
+        raise InputError(f"{source} has no picture: give a camera or a stream with one")
+    return container, container.streams.video[0], False

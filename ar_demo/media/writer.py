@@ -1,0 +1,263 @@
+"""Writing a video: exact times, tagged BT.709 colour, sound beside it, and all of it or nothing."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import logging
+import os
+import secrets
+from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, cast
+
+import av
+import numpy as np
+from av.codec.context import Flags
+from av.packet import Packet
+from av.video.reformatter import ColorRange
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+
+from ..errors import InputError, RunError
+from .audio import Audio
+from .color import FromRGB
+
+log = logging.getLogger(__name__)
+
+# Suffix -> (FFmpeg's muxer, its default codec).
+CONTAINERS = {
+    ".mp4": ("mp4", "libx264"),
+    ".m4v": ("mp4", "libx264"),
+    ".mov": ("mov", "libx264"),
+    ".mkv": ("matroska", "libx264"),
+    ".webm": ("webm", "libvpx-vp9"),
+}
+DEFAULT_CRF = 18  # visually lossless in H.264
+# Pixel formats by preference; only the second row keeps an odd width or height.
+_EVEN = ("yuv420p", "yuv422p", "yuv422p10le", "yuv444p", "gbrp", "rgb24")
+_ODD = ("yuv444p", "yuv444p10le", "gbrp", "rgb24")
+_AVCOL_RGB, _AVCOL_BT709 = 0, 1  # H.273's numbers; BT.709 is 1 as matrix, primaries and transfer alike
+
+
+class VideoWriter:
+    """Writes RGB frames to a video file, which appears under its name only once it is complete.
+
+    Used as a context manager: leaving it normally finishes the file, leaving it by any exception removes what there is.
+
+    path: .mp4, .m4v, .mov, .mkv or .webm in a folder that exists. width, height: pixels.
+    rate: average frames per second (a hint for players; `write` says the times). crf: quality, lower is better, where
+    the codec knows it, 0 to 51 (63 in VP9 and AV1). codec: an FFmpeg encoder, None for H.264 (VP9 in WebM).
+    time_base: seconds per tick in which all frame times are whole (the source's); None takes one that suits `rate`.
+    pixel_aspect: a pixel's width over its height. fast: larger files, but H.264 and H.265 keep up with a live source.
+
+    Frame times start at zero in the file whatever the first one is; the sound moves with them.
+
+    Raises InputError before anything is written for what the container or codec cannot do; RunError when writing fails.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        width: int,
+        height: int,
+        rate: Fraction,
+        *,
+        codec: str | None = None,
+        crf: float | None = None,
+        audio: Audio | None = None,
+        time_base: Fraction | None = None,
+        pixel_aspect: Fraction = Fraction(1),
+        fast: bool = False,
+    ) -> None:
+        self.path = Path(path)
+        if self.path.suffix.lower() not in CONTAINERS:
+            raise InputError(f"{self.path}: output must end in one of {', '.join(CONTAINERS)}")
+        if not self.path.parent.is_dir():
+            raise InputError(f"folder {self.path.parent} of the output does not exist: create it first")
+        muxer, default_codec = CONTAINERS[self.path.suffix.lower()]
+        codec = codec or default_codec
+        pix_fmt = _pixel_format(codec, width, height)
+
+        self._size = width, height
+        self._rate = Fraction(rate)
+        self._time_base = time_base or _fine_time_base(self._rate)
+        self._audio = audio
+        self._from_rgb = FromRGB(pix_fmt)
+        self._start: Fraction | None = None  # time of the first frame
+        self._kept: Packet[VideoStream] | None = None
+        self._first_dts = 0
+        self._last = self._end = Fraction(0)  # of the newest frame
+        self._part = self.path.with_name(f".{self.path.stem}.{secrets.token_hex(4)}.part{self.path.suffix}")
+        options = {"movflags": "+faststart"} if muxer in ("mp4", "mov") else {}
+        try:
+            self._container = av.open(str(self._part), "w", format=muxer, container_options=options)
+            self._stream = self._add_stream(codec, crf, pix_fmt, pixel_aspect, fast)
+            if audio is not None:
+                audio.attach(self._container)
+            self._container.start_encoding()
+        except (av.FFmpegError, ValueError, OSError) as error:
+            self._discard()
+            if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EPERM):
+                raise self._failed(error) from error
+            raise InputError(
+                f"codec {codec} cannot write {width}x{height} to {self.path.suffix}: choose another codec or container"
+            ) from error
+        except BaseException:
+            self._discard()
+            raise
+        if crf is not None and "crf" in self._stream.codec_context.options:  # FFmpeg leaves what it did not use
+            log.warning("codec %s knows no crf: its own default quality is used", codec)
+
+    def __enter__(self) -> VideoWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is not None:
+            self._discard()
+            return
+        try:
+            self._finish()
+        except BaseException:
+            self._discard()
+            raise
+
+    def write(self, image: NDArray[np.uint8], time: Fraction, duration: Fraction | None = None) -> None:
+        """Appends a frame.
+
+        image: uint8 (height, width, 3) RGB. time: seconds, later than the frame before. duration: seconds; it matters
+        for the last frame only, and None is 1 / rate.
+        """
+        if image.shape != (self._size[1], self._size[0], 3):
+            raise ValueError(f"frame is {image.shape}, not {(self._size[1], self._size[0], 3)}")
+        if self._start is None:
+            self._start = time
+        elif time <= self._last:
+            raise ValueError(f"frame time {time} is not later than {self._last}")
+        self._last = time
+        self._end = time + (duration or 1 / self._rate)
+        frame = self._from_rgb(image)
+        frame.time_base = self._time_base
+        frame.pts = round((time - self._start) / self._time_base)
+        frame.duration = round((duration or 1 / self._rate) / self._time_base)
+        start = self._start
+        if self._audio is not None:
+            audio = self._audio
+            self._mux(lambda: audio.packets(start, time))
+        self._mux(lambda: self._encode(frame))
+
+    # ---- inside ----
+
+    def _add_stream(
+        self, codec: str, crf: float | None, pix_fmt: str, pixel_aspect: Fraction, fast: bool
+    ) -> VideoStream:
+        width, height = self._size
+        options = {"crf": f"{DEFAULT_CRF if crf is None else crf:g}"}
+        if fast and codec in ("libx264", "libx265"):
+            options["preset"] = "ultrafast"
+        if codec == "libvpx-vp9":
+            options |= {"cpu-used": "4", "row-mt": "1"}  # several times faster for hardly a difference
+        stream = cast(VideoStream, self._container.add_stream(codec, rate=self._rate, options=options))
+        stream.time_base = self._time_base
+        context = stream.codec_context
+        context.width, context.height, context.pix_fmt = width, height, pix_fmt
+        context.time_base = self._time_base
+        context.sample_aspect_ratio = pixel_aspect
+        context.flags |= Flags.frame_duration
+        context.thread_type = "AUTO"
+        if codec in ("libx265", "hevc_nvenc") and self._container.format.name in ("mp4", "mov"):
+            context.codec_tag = "hvc1"  # Apple's players open no other
+        rgb = pix_fmt in ("gbrp", "rgb24")
+        context.colorspace = _AVCOL_RGB if rgb else _AVCOL_BT709
+        context.color_range = ColorRange.JPEG if rgb else ColorRange.MPEG
+        context.color_primaries = _AVCOL_BT709
+        context.color_trc = _AVCOL_BT709
+        return stream
+
+    def _encode(self, frame: av.VideoFrame | None) -> Iterator[Packet[VideoStream]]:
+        """Packets that are ready, but for the newest, which is kept back: see _last_packet."""
+        for packet in self._stream.encode(frame):
+            if self._kept is None:
+                self._first_dts = packet.dts or 0
+            else:
+                yield self._kept
+            self._kept = packet
+
+    def _last_packet(self) -> Iterator[Packet[VideoStream]]:
+        """The packet written last, which in MP4 and MOV must make up the video's whole length.
+
+        Their muxer adds up the packets in decoding order, where the last one seldom is the last one shown.
+        """
+        packet = self._kept
+        if packet is None or self._start is None:
+            return
+        if self._container.format.name in ("mp4", "mov") and packet.dts is not None:
+            length = round((self._end - self._start) / packet.time_base)
+            packet.duration = max(1, length - (packet.dts - self._first_dts))
+        yield packet
+
+    def _mux(self, make: Callable[[], Iterable[Packet[Any]]]) -> None:
+        try:
+            for packet in make():
+                self._container.mux(packet)
+        except (av.FFmpegError, OSError) as error:
+            raise self._failed(error) from error
+
+    def _finish(self) -> None:
+        if self._start is None:
+            raise RunError(f"cannot write {self.path}: there is no frame to write")
+        start, end = self._start, self._end
+        if self._audio is not None:
+            audio = self._audio
+            self._mux(lambda: audio.finish(start, end))
+        self._mux(lambda: self._encode(None))
+        self._mux(self._last_packet)
+        try:
+            self._container.close()
+            os.replace(self._part, self.path)
+        except (av.FFmpegError, OSError) as error:
+            raise self._failed(error) from error
+        if self._audio is not None:
+            self._audio.close()
+
+    def _failed(self, error: Exception) -> RunError:
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        if getattr(error, "errno", None) == errno.ENOSPC:
+            reason = "no space left on the disk: free some, or write elsewhere"
+        return RunError(f"cannot write {self.path}: {reason}")
+
+    def _discard(self) -> None:
+        """Closes everything and removes the unfinished file."""
+        if self._audio is not None:
+            self._audio.close()
+        with contextlib.suppress(AttributeError, av.FFmpegError, OSError, ValueError):
+            self._container.close()  # tries to complete the file, which may well fail
+        self._part.unlink(missing_ok=True)
+
+
+def _pixel_format(codec: str, width: int, height: int) -> str:
+    """The pixel format to encode in; odd sizes, which 4:2:0 cannot hold, become 4:4:4."""
+    try:
+        encoder = av.Codec(codec, "w")
+    except ValueError as error:
+        raise InputError(f'video codec "{codec}" is unknown: try libx264, libx265 or libvpx-vp9') from error
+    offered = {pixel_format.name for pixel_format in encoder.video_formats or []}
+    odd = bool(width % 2 or height % 2)
+    chosen = next((name for name in (_ODD if odd else _EVEN) if name in offered), None)
+    if chosen is None:
+        raise InputError(f"codec {codec} cannot write {width}x{height}: use libx264")
+    if odd and chosen.startswith("yuv444"):
+        log.warning("odd size %dx%d is written as 4:4:4, which some players do not show", width, height)
+    return chosen
+
+
+def _fine_time_base(rate: Fraction) -> Fraction:
+    """Ticks in which frames at a constant rate fall exactly, at least 10000 a second so that others come close."""
+    ticks = rate.numerator
+    while ticks < 10000:
+        ticks *= 2
+    return Fraction(1, ticks)

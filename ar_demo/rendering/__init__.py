@@ -1,0 +1,1 @@
+"""Ads onto their tracked surfaces, frame by frame."""

@@ -1,0 +1,1 @@
+"""What the scene does to a surface: light, blur, occluders."""

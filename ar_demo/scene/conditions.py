@@ -1,0 +1,217 @@
+"""What the scene does to a surface in a frame: how it is lit, what hides it, how it is blurred.
+
+The surface as it is seen, rectified by its pose, is compared with how the reference frame shows it.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from hdn.alignment.agreement import cell_means
+from hdn.imaging.arrays import Array, Grey, Image
+from hdn.imaging.blur import between, blurred, shares
+from hdn.imaging.homography import derivative, from_corners, transform, translation
+from hdn.imaging.pyramid import Pyramid
+from hdn.imaging.quads import outline
+
+from ..compositing.raster import is_drawable
+from . import light as relighting
+from . import occlusion
+from .light import GRID, Floats, Light, grey
+from .occlusion import Occluder, Outline
+
+LONGEST = 160  # px of the rectified surface's longer side, at most
+SATURATED = 250.0  # grey levels, from which a pixel does not tell how bright it is
+SEEN = 0.05  # share of the surface that must be in the frame to be compared
+ALIGNED = 2.0  # px of the crop: blur is measured where the surface is misaligned by less, since that looks like blur
+SOFT = 2.0  # px of the crop: light is told by what is larger, since blur takes contrast from the rest
+MATCHED = 0.8  # px^2 of the crop, blur that the template is matched by
+FAINT = 3.0  # px^2, blur that the ad does not take on, since it is not known well; twice as much it does in full
+LEAST_CELLS = 6  # of the surface's 64, that blur is measured by
+BETTER = 0.05, 0.15  # share of what the agreement lacks to 1 that matching blur must bring: for any of it, and for all
+UNKNOWN = 8.0  # px, of the corners' deviation where it is not known, and the most that is allowed for
+MARGIN = 4  # px of the frame around the surface that are looked at
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Under which a surface is seen in a frame.
+
+    Attributes:
+        light: on a picture on the surface.
+        occluder: what hides it; None for nothing.
+        blur: (2, 2) px^2 of the frame, covariance of the Gaussian that the surface is blurred by.
+    """
+
+    light: Light
+    occluder: Occluder | None
+    blur: Array
+
+
+class Appearance:
+    """Compares a surface in frame after frame with the reference frame."""
+
+    def __init__(self, reference: Image, quad: Array) -> None:
+        """Args:
+        reference: (H, W, 3) the frame that shows the surface as it is.
+        quad: (4, 2) its corners there, px.
+        """
+        sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
+        size = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
+        size *= min(1.0, LONGEST / size.max())
+        self._width, self._height = (np.maximum(np.round(size / GRID), 1) * GRID).astype(int).tolist()
+        self._outline = outline(self._width, self._height)
+        self._grid_to_crop = from_corners(outline(GRID, GRID), self._outline)
+        self._window = 2 * round(max(self._width, self._height) / 10) + 1  # px of the halved crop: a fifth of it
+        self._quad, self._exposure = quad, relighting.exposure(reference)
+        self._reference = _Box(reference, quad)
+        self._template, _ = self._rectify(self._reference, quad)
+        self.forget()
+
+    def forget(self) -> None:
+        """Begins anew, as after a cut: the light may be another now."""
+        self._light: Light | None = None
+        self._hidden: Grey | None = None
+        self._lost = False
+
+    def conditions(self, frame: Image, pose: Array, deviation: float, lost: bool, cut: bool) -> Conditions:
+        """The conditions in the next frame, as far as tracking knows the surface in it.
+
+        Args: pose, deviation: as `see` takes them, or not finite. cut: whether the frame begins another shot.
+        """
+        if cut:
+            self.forget()
+        return self.last() if lost or not np.isfinite(pose).all() else self.see(frame, pose, deviation)
+
+    def last(self) -> Conditions:
+        """The conditions of a frame that nothing can be told of: the last light, and nothing else."""
+        self._lost = True
+        return Conditions(self._exposed(self._light or relighting.as_it_was()), None, np.zeros((2, 2)))
+
+    def see(self, frame: Image, pose: Array, deviation: float) -> Conditions:
+        """The conditions in a frame (H, W, 3) in which the surface has the corners `pose` (4, 2).
+
+        Args:
+            deviation: px, standard deviation of the corners; infinite where it is not known.
+        """
+        part = _Box(frame, pose)
+        if part.image.size == 0 or not is_drawable(pose):
+            return self.last()
+        view, inside = self._rectify(part, pose)
+        if inside.mean() < SEEN:
+            return self.last()
+        if self._lost:
+            self.forget()
+        crop_to_frame = from_corners(self._outline, pose)
+        scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
+        slack = min(deviation, UNKNOWN) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
+        blur = self._blur(view, inside) if slack < ALIGNED else np.zeros((2, 2))
+        template = _blurred(self._template, blur)
+        usable = cv2.inRange(cv2.max(view, template), (0, 0, 0), (SATURATED,) * 3).astype(np.float32) / 255 * inside
+        small_view, small_template, small_usable = (self._halved(x, max(slack, SOFT)) for x in (view, template, usable))
+        trust = relighting.trusted(*relighting.shows(grey(small_view), grey(small_template)), small_usable.shape)
+        light = relighting.measure(small_view, small_template, trust * small_usable, self._light)
+        self._light = relighting.follow(self._light, light, 1 / (1 + slack * slack))
+        lit_template = np.minimum(self._light.resized(self._width, self._height).on(template), 255)
+        evidence = occlusion.evidence(view, lit_template, slack, self._hidden) * inside
+        hidden = occlusion.find(evidence)
+        self._hidden = hidden
+        blur_in_frame = scale @ _worth(blur) @ scale.T
+        occluder = None
+        if hidden.any():
+            occluder = self._cut_out(Outline.of(hidden, view), frame, pose, blur_in_frame)
+        return Conditions(self._exposed(self._light), occluder, blur_in_frame)
+
+    def _rectify(self, part: "_Box", pose: Array) -> tuple[Floats, Grey]:
+        """The surface (h, w, 3) in a part of a frame, and which of it lies in the frame (h, w), 0 or 1."""
+        crop_to_part = part.to_box @ from_corners(self._outline, pose)
+        view = Pyramid(part.image).crop(crop_to_part, self._width, self._height).astype(np.float32)
+        if part.whole:
+            return view, np.ones(view.shape[:2], np.float32)
+        whole = np.full(part.image.shape[:2], 255, np.uint8)
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        inside = cv2.warpPerspective(whole, crop_to_part, (self._width, self._height), flags=flags)
+        return view, (inside > 250).astype(np.float32)
+
+    def _blur(self, view: Floats, inside: Grey) -> Array:
+        """Covariance (2, 2), px^2 of the crop, by which a view is blurred more than the template; 0 where less.
+
+        Measured at half the size, since blur that matters is larger than a pixel; on the half of the surface that
+        agrees best, since an occluder looks like anything; and believed where that agrees better for it.
+        """
+        template, seen, usable = (self._halved(x) for x in (grey(self._template), grey(view), inside))
+        correlation, textured = relighting.shows(seen, template)
+        telling = textured & (cell_means(usable) > 0.9)
+        if telling.sum() < LEAST_CELLS:
+            return np.zeros((2, 2))
+        best = telling & (correlation >= np.median(correlation[telling]))
+        where = cv2.resize(best.astype(np.float32), seen.shape[::-1], interpolation=cv2.INTER_NEAREST)
+        blur = 4 * shares(between(template, seen, where, self._window))[0]
+        if np.linalg.eigvalsh(blur).max() < MATCHED:
+            return np.zeros((2, 2))
+        # What was measured by halves is checked by the whole; it tends to be too much.
+        template, seen = grey(self._template), grey(view)
+        trials = [part * blur for part in (0.0, 0.25, 0.5, 1.0)]
+        lacking = [1 - relighting.shows(seen, _blurred(template, b))[0][best].mean() for b in trials]
+        least = int(np.argmin(lacking))
+        better = 1 - lacking[least] / max(lacking[0], 1e-3)
+        return trials[least] * float(np.interp(better, BETTER, [0, 1]))
+
+    def _halved(self, image: Floats, slack: float = 0.0) -> Floats:
+        """A crop at half the size, so soft that being misaligned by `slack` px of the crop makes little difference."""
+        half = cv2.resize(image, (self._width // 2, self._height // 2), interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.GaussianBlur(half, (0, 0), slack / 2) if slack else half, np.float32)
+
+    def _exposed(self, light: Light) -> Light:
+        # A picture that is drawn has no gloss that could be missing.
+        return Light(light.gain * np.float32(self._exposure), np.maximum(light.gloss, 0))
+
+    def _cut_out(self, outline: Outline, frame: Image, pose: Array, blur: Array) -> Occluder | None:
+        """The occluder out of the part of the frame that it is in."""
+        y, x = np.nonzero(outline.most > 0.01)
+        left, top, right, bottom = x.min() - 1, y.min() - 1, x.max() + 1, y.max() + 1
+        around = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], np.float64)
+        crop_to_frame = from_corners(self._outline, pose)
+        part = _Box(frame, transform(crop_to_frame, around))
+        if part.image.size == 0:
+            return None
+        height, width = part.image.shape[:2]
+        crop_to_part = part.to_box @ crop_to_frame
+        part_to_reference = self._reference.to_box @ from_corners(pose, self._quad) @ np.linalg.inv(part.to_box)
+        own = Pyramid(self._reference.image).crop(part_to_reference, width, height)
+        assert self._light is not None
+        light = self._light.over(crop_to_part @ self._grid_to_crop, (width, height))
+        surface = _blurred(np.minimum(light.on(own), 255), blur)
+        seen = part.image.astype(np.float32)
+        # Beside the surface there is what there is.
+        mine = np.ones((self._height, self._width), np.float32)
+        mine = cv2.warpPerspective(mine, crop_to_part, (width, height))[..., None]
+        return outline.cut_out(seen, seen + mine * (surface - seen), mine, crop_to_part, part.box)
+
+
+class _Box:
+    """The part of a frame around a quad, with a margin; it may be empty.
+
+    image: (h, w, 3). box: rows and columns of the frame. to_box: (3, 3) frame pixels to the box's. whole: whether all
+    of the quad lies in the frame.
+    """
+
+    def __init__(self, frame: Image, quad: Array) -> None:
+        bounds = np.array(frame.shape[1::-1])
+        low = np.clip(np.floor(quad.min(0)) - MARGIN, 0, bounds).astype(int)
+        high = np.clip(np.ceil(quad.max(0)) + MARGIN + 1, low, bounds).astype(int)
+        self.box = slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+        self.image = frame[self.box]
+        self.whole = bool((quad >= 0).all() and (quad <= bounds - 1).all())
+        self.to_box = translation(-low[0], -low[1])
+
+
+def _blurred(image: Floats, covariance: Array) -> Floats:
+    return blurred(image, covariance) if np.linalg.eigvalsh(covariance).max() > MATCHED / 4 else image
+
+
+def _worth(covariance: Array) -> Array:
+    """Blur (2, 2) without what is too faint to be told from none; it sets in smoothly, so that nothing toggles."""
+    values, axes = np.linalg.eigh(covariance)
+    return (axes * (values * np.clip(values / FAINT - 1, 0, 1))) @ axes.T

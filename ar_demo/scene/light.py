@@ -1,0 +1,201 @@
+"""How a surface is lit in a frame: how much more or less than in the reference frame, and what is mirrored in it.
+
+Values of pixels are about roots of light (a gamma of 2); light is their square, white being 1. What a surface sends is
+its colour times the light on it, plus what its gloss mirrors, which has the lamp's colour, and so is taken for white.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hdn.alignment.agreement import Cells, cell_means
+from hdn.imaging.arrays import Array, Grey, Image
+from hdn.imaging.blur import normalise, tukey
+from hdn.imaging.homography import from_corners
+from hdn.imaging.pyramid import Pyramid
+from hdn.imaging.quads import outline
+
+Floats = NDArray[np.float32]
+
+GRID, COARSE = 16, 4  # light is known on a grid of GRID x GRID over the surface, by way of one of COARSE x COARSE
+ALLOWANCES = 2.0, 1.0, 1.0  # by which what does not fit is told from what does, one step after the other
+AGREES = 0.6  # correlation of a cell from which it is sure to show the surface
+TEXTURE = 2.0  # grey levels of mean contrast, from which a cell has texture to correlate
+UNSURE = 0.3  # trust in cells without texture
+SPREAD, NOISE = 0.15, 5.0  # what light differs by within a cell: as a share of the brightness, and in grey levels
+SAME, NONE = 0.06, 0.03  # how much speaks for the gain of the larger part around, and against a gloss
+SMOOTH = 8  # px, over which light does not change much
+FAINT = 0.002  # gloss that is left out
+LEAST, MOST = 0.01, 16.0  # gains that are believed
+MIRRORED = 0.8  # the most that a gloss mirrors, or that it mirrored in the reference frame and does no more
+STEADY, CHANGE = 0.3, 0.2  # share of a small change that is taken on in a frame; what is sure to be one, as a ratio
+WHITE = 235.0  # grey levels of white in a frame that is exposed as usual
+DIM = 120.0  # grey levels of what is brightest in a frame that is surely dark
+USUAL = 190.0  # from which it need not be
+BRIGHTEST = 0.995  # quantile of a frame's pixels that tells its white
+MEAN = np.full((1, 3), 1 / 3, np.float32)  # over the channels
+SMALL = 160  # px of a frame's longer side, at which its noise is averaged out
+
+
+@dataclass(frozen=True)
+class Light:
+    """Light on a surface, against that in the reference frame.
+
+    Attributes:
+        gain: (n, n, 3) of the light, over the surface.
+        gloss: (n, n) light that is mirrored; negative where less than in the reference frame.
+    """
+
+    gain: Floats
+    gloss: Floats
+
+    def over(self, grid_to_picture: Array, size: tuple[int, int]) -> "Light":
+        """The light on each pixel of a picture (width, height) that a homography (3, 3) maps the grid to."""
+        coarse = max(2, size[0] // SMOOTH), max(2, size[1] // SMOOTH)  # it is smooth, and resizing is fast
+        matrix = from_corners(outline(*size), outline(*coarse)) @ grid_to_picture
+        gain, gloss = (
+            cv2.warpPerspective(x, matrix, coarse, borderMode=cv2.BORDER_REPLICATE) for x in (self.gain, self.gloss)
+        )
+        return Light(gain, gloss).resized(*size)
+
+    def resized(self, width: int, height: int) -> "Light":
+        """The light on each pixel of a crop of the surface."""
+        gain, gloss = (cv2.resize(x, (width, height), interpolation=cv2.INTER_LINEAR) for x in (self.gain, self.gloss))
+        return Light(gain, gloss)
+
+    def on(self, picture: Image | Floats) -> Floats:
+        """A picture, grey levels, of as many pixels as the light, in this light; it may be brighter than white."""
+        if np.abs(self.gloss).max() < FAINT:
+            return np.asarray(cv2.multiply(picture, cv2.sqrt(self.gain), dtype=cv2.CV_32F), np.float32)
+        light = cv2.multiply(picture, picture, dtype=cv2.CV_32F)
+        cv2.multiply(light, self.gain, dst=light)
+        gloss = self.gloss * np.float32(255.0**2)
+        cv2.add(light, cv2.merge([gloss, gloss, gloss]), dst=light)
+        if gloss.min() < 0:
+            cv2.max(light, 0.0, dst=light)
+        return np.asarray(cv2.sqrt(light, dst=light), np.float32)
+
+    def differs(self, other: "Light") -> float:
+        """The largest difference to another light, in shares of white's grey level."""
+        gain = np.abs(np.sqrt(self.gain) - np.sqrt(other.gain)).max()
+        return float(max(gain, np.abs(self.gloss - other.gloss).max()))
+
+
+def as_it_was() -> Light:
+    """The light of the reference frame."""
+    return Light(np.ones((GRID, GRID, 3), np.float32), np.zeros((GRID, GRID), np.float32))
+
+
+def exposure(frame: Image) -> float:
+    """How bright white is in a frame (H, W, 3), as light; 1 where it is exposed as usual.
+
+    Nothing printed is brighter than paper, and most scenes show something as bright as that: a wall, a shirt, the sky.
+    So what is brightest in a dark frame is about as bright as an ad's white would be there.
+    """
+    small, _ = Pyramid(frame).at_most(SMALL)
+    brightest = np.quantile(small.max(2), BRIGHTEST)
+    return float(np.interp(brightest, [0, DIM, USUAL], [0, DIM / WHITE, 1])) ** 2
+
+
+def measure(view: Floats, template: Floats, trust: Grey, last: Light | None) -> Light:
+    """The light by which a view of the surface differs from the template, each (h, w, 3) and aligned.
+
+    Fitted again and again to what fits, with ever less allowance, so that neither an occluder nor a shadow's edge
+    counts for much. The light's colour is the same all over, so that it does not take on an occluder's.
+
+    Args:
+        trust: (h, w) 0..1, how far each pixel of the view can be believed to show the surface.
+        last: the light in the frame before; None where it is not known.
+    """
+    light = as_it_was() if last is None else last
+    seen, own = (cv2.multiply(x, x, scale=1 / 255**2) for x in (view, template))
+    change = _change(view, light.resized(*template.shape[1::-1]).on(template), trust)
+    light = Light(np.clip(light.gain * change, LEAST, MOST), light.gloss)
+    for allowance in ALLOWANCES:
+        expected = light.resized(*template.shape[1::-1]).on(template)
+        error = cv2.absdiff(view, expected)
+        worst = cv2.max(cv2.max(error[..., 0], error[..., 1]), error[..., 2])
+        weights = trust * tukey(worst / (allowance * (SPREAD * grey(expected) + NOISE)))
+        light = _fit(seen, own, weights, light)
+    return light
+
+
+def follow(last: Light | None, new: Light, certainty: float) -> Light:
+    """The light after a frame: clear changes are taken on at once, small ones may be noise.
+
+    Args:
+        certainty: 0..1, how surely the surface was where it was looked at.
+    """
+    if last is None:
+        return new
+    change = np.abs(np.log(new.gain / last.gain)).mean(2) + 2 * np.abs(new.gloss - last.gloss)
+    share = (np.clip(STEADY + change / CHANGE, 0, 1) * certainty).astype(np.float32)
+    return Light(last.gain + share[..., None] * (new.gain - last.gain), last.gloss + share * (new.gloss - last.gloss))
+
+
+def grey(image: Floats) -> Grey:
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.float32)
+
+
+def shows(view: Grey, template: Grey) -> tuple[Grey, NDArray[np.bool_]]:
+    """How well each cell (8, 8) of a view agrees with the template, as correlation, and which have texture to tell."""
+    window = 2 * round(max(view.shape) / 10) + 1
+    textured = cell_means(cv2.absdiff(template, cv2.blur(template, (window, window)))) > TEXTURE
+    return Cells(normalise(template, window)[0]).correlation(normalise(view, window)[0]), textured
+
+
+def trusted(correlation: Grey, textured: NDArray[np.bool_], shape: tuple[int, ...]) -> Grey:
+    """How far each pixel of a crop (h, w) can be trusted to show the surface, 0..1.
+
+    Parts that show the template's texture are trusted whatever their brightness; flat ones as far as they fit in.
+    """
+    cells = np.where(textured, np.clip(2 * correlation / AGREES - 1, 0, 1), UNSURE).astype(np.float32)
+    return np.asarray(cv2.resize(cells, shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def _change(view: Floats, expected: Floats, trust: Grey) -> float:
+    """By how much light has changed everywhere at once: the median over the cells, as they are trusted."""
+    a, b = (_cells(grey(image) * trust, GRID) for image in (view, expected))
+    ratio = (a / np.maximum(b, 1e-3)).ravel()
+    order = np.argsort(ratio)
+    mass = np.cumsum(b.ravel()[order])
+    return float(ratio[order][np.searchsorted(mass, mass[-1] / 2)]) ** 2 if mass[-1] > 1 else 1.0
+
+
+def _fit(seen: Floats, own: Floats, weights: Grey, before: Light) -> Light:
+    """Least squares of seen = gain own + gloss, light (h, w, 3), from coarse to fine.
+
+    Where a cell tells little, what the larger part around it tells counts, and a gain rather than a gloss.
+    """
+    colour = before.gain.mean((0, 1))
+    colour /= colour.mean()
+    shown = own * colour
+    w = _cells(weights, GRID)
+    x, y, xx, xy = (
+        _cells(weights * cv2.transform(term, MEAN), GRID) for term in (shown, seen, shown * shown, shown * seen)
+    )
+    square = float(np.square(own).mean()) + 1e-6
+    gain, gloss = np.full((1, 1), before.gain.mean(), np.float32), np.zeros((1, 1), np.float32)
+    for n in (1, COARSE, GRID):
+        w_, x_, y_, xx_, xy_ = (cv2.GaussianBlur(_cells(term, n), (3, 3), 0.8) for term in (w, x, y, xx, xy))
+        above = cv2.resize(gain, (n, n)), cv2.resize(gloss, (n, n))
+        p, q = xx_ + SAME * square, w_ + NONE
+        r, s = xy_ + SAME * square * above[0], y_ + NONE * above[1]
+        determinant = p * q - x_ * x_
+        gain, gloss = (r * q - s * x_) / determinant, (p * s - x_ * r) / determinant
+        gain, gloss = np.clip(gain, LEAST, MOST), np.clip(gloss, -MIRRORED, MIRRORED)
+    # The light's colour: of what is seen without the gloss, against what would be in white light.
+    three = cv2.merge([weights] * 3)
+    size = seen.shape[1::-1]
+    plain = cv2.multiply(seen - cv2.resize(gloss, size)[..., None], three).mean((0, 1))
+    white = cv2.multiply(own * cv2.resize(gain, size)[..., None], three).mean((0, 1))
+    usual = 0.02 * float(own.mean()) + 1e-4
+    colour = np.clip((plain + usual * colour) / (white + usual), 0.3, 3)
+    return Light(np.clip(gain[..., None] * colour, LEAST, MOST).astype(np.float32), gloss.astype(np.float32))
+
+
+def _cells(image: Floats, n: int) -> Floats:
+    """Means (n, n, ...) of an image's cells."""
+    return np.asarray(cv2.resize(image, (n, n), interpolation=cv2.INTER_AREA), np.float32)

@@ -1,0 +1,196 @@
+"""The track: where the surface is in every frame, as data that is saved, loaded and edited."""
+
+import json
+import os
+from collections import Counter
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdn.imaging.arrays import Array
+from hdn.imaging.homography import from_corners
+from hdn.tracker import State
+
+from .errors import InputError, RunError
+
+VERSION = 1
+STATES: tuple[State, ...] = ("tracked", "held", "lost")
+
+
+@dataclass(frozen=True)
+class Source:
+    """The video that a track belongs to. Its frame count is that of the track."""
+
+    path: str
+    width: int
+    height: int
+    fps: Fraction
+    frames: int
+
+
+@dataclass
+class Track:
+    """Per frame, from the first of the video on, the surface's corners, a state and a confidence.
+
+    Attributes:
+        source: the video it was measured on.
+        reference_frame: index of the frame that `quad` was given in.
+        quad: (4, 2) corners in that frame, px: top-left, top-right, bottom-right, bottom-left of the ad.
+        times: (N,) seconds.
+        corners: (N, 4, 2) px; NaN where there is no pose.
+        states: N of 'tracked', 'held', 'lost'.
+        confidence: (N,) 0..1.
+        deviation: (N,) px, standard deviation of the corners; infinite where they are not measured.
+        keyframes: corners (4, 2) given by hand, by the frame's index; the track passes through them.
+        cuts: indices of frames that begin another shot than the one before them.
+    """
+
+    source: Source
+    reference_frame: int
+    quad: Array
+    times: list[Fraction]
+    corners: Array
+    states: list[State]
+    confidence: Array
+    deviation: Array
+    warnings: list[str] = field(default_factory=list)
+    keyframes: dict[int, Array] = field(default_factory=dict)
+    cuts: list[int] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many frames are in each state."""
+        counts = Counter(self.states)
+        return {state: counts[state] for state in STATES}
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(N,) whether a frame has a pose."""
+        return np.asarray(np.isfinite(self.corners).all((1, 2)))
+
+    @property
+    def given(self) -> dict[int, Array]:
+        """Corners (4, 2) that are not measured but given: those of the reference frame and of the keyframes."""
+        return {self.reference_frame: self.quad, **self.keyframes}
+
+    def homography(self, index: int) -> Array | None:
+        """Reference-frame pixels to those of frame `index`, (3, 3); None where there is no pose."""
+        return from_corners(self.quad, self.corners[index]) if self.known[index] else None
+
+    def save(self, path: Path | str) -> None:
+        """Writes the track file (JSON, version 1), whole or not at all.
+
+        Raises:
+            RunError: the file cannot be written.
+        """
+        frames = []
+        for i, state in enumerate(self.states):
+            homography = self.homography(i)
+            frames.append(
+                {
+                    "index": i,
+                    "time": float(self.times[i]),
+                    "corners": None if homography is None else np.round(self.corners[i], 4).tolist(),
+                    "homography": None if homography is None else homography.tolist(),
+                    "state": state,
+                    "confidence": round(float(self.confidence[i]), 4),
+                    "deviation": round(float(self.deviation[i]), 4) if np.isfinite(self.deviation[i]) else None,
+                }
+            )
+        s = self.source
+        content = {
+            "version": VERSION,
+            "source": {"path": s.path, "width": s.width, "height": s.height, "fps": str(s.fps), "frames": s.frames},
+            "reference_frame": self.reference_frame,
+            "quad": self.quad.tolist(),
+            "keyframes": [{"frame": i, "corners": self.keyframes[i].tolist()} for i in sorted(self.keyframes)],
+            "cuts": self.cuts,
+            "frames": frames,
+        }
+        path = Path(path)
+        part = path.with_name(f".{path.name}.{os.getpid()}.part")
+        try:
+            part.write_text(json.dumps(content))
+            part.replace(path)
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            raise RunError(f"cannot write {path}: {error.strerror}") from error
+
+    @classmethod
+    def load(cls, path: Path | str) -> "Track":
+        """Reads a track file.
+
+        Raises:
+            InputError: no such file, not a track file, another version, or values that are not a track's.
+        """
+        try:
+            content = json.loads(Path(path).read_text())
+        except OSError as error:
+            raise InputError(f"cannot read track file {path}: {error.strerror}") from error
+        except ValueError as error:
+            raise InputError(f"{path} is not a track file (not JSON): make one with ar-track") from error
+        if not isinstance(content, dict) or "version" not in content:
+            raise InputError(f"{path} is not a track file (no version): make one with ar-track")
+        if content["version"] != VERSION:
+            raise InputError(
+                f"{path} is a track file of version {content['version']}, this program reads version {VERSION}: "
+                "track the video again"
+            )
+        try:
+            return _parse(content)
+        except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
+            reason = f"{type(error).__name__}: {error}".replace("\n", " ")
+            raise InputError(f"{path} is damaged ({reason}): track the video again") from error
+
+    def check_belongs_to(self, path: Path, width: int, height: int) -> None:
+        """Raises InputError unless the track was measured on a video of this size."""
+        s = self.source
+        if (s.width, s.height) != (width, height):
+            raise InputError(
+                f"the track is of {s.path} ({s.width}x{s.height}), not of {path} ({width}x{height}): "
+                "give the video that it was made from"
+            )
+
+
+def _parse(content: dict[str, Any]) -> Track:
+    source, frames = content["source"], content["frames"]
+    if not frames:
+        raise ValueError("no frames")
+    if [f["index"] for f in frames] != list(range(len(frames))):
+        raise ValueError("frames are not numbered from 0 on")
+    if unknown := {f["state"] for f in frames} - set(STATES):
+        raise ValueError(f"unknown state {unknown.pop()!r}")
+    nothing = np.full((4, 2), np.nan)
+    corners = np.array([nothing if f["corners"] is None else f["corners"] for f in frames], np.float64)
+    quad = np.array(content["quad"], np.float64)
+    keyframes = {int(k["frame"]): np.array(k["corners"], np.float64) for k in content.get("keyframes", [])}
+    if {quad.shape, *(k.shape for k in keyframes.values())} != {(4, 2)} or corners.shape != (len(frames), 4, 2):
+        raise ValueError("a quad without exactly four corners")
+    if beyond := [k for k in keyframes if not 0 <= k < len(frames)]:
+        raise ValueError(f"keyframe at frame {beyond[0]}, where there are {len(frames)} frames")
+    return Track(
+        Source(source["path"], int(source["width"]), int(source["height"]), Fraction(source["fps"]), source["frames"]),
+        int(content["reference_frame"]),
+        quad,
+        [Fraction(f["time"]).limit_denominator(10**6) for f in frames],
+        corners,
+        [f["state"] for f in frames],
+        np.array([f["confidence"] for f in frames], np.float64),
+        np.array([_deviation(f) for f in frames], np.float64),
+        keyframes=keyframes,
+        cuts=[int(c) for c in content.get("cuts", [])],
+    )
+
+
+def _deviation(frame: dict[str, Any]) -> float:
+    """Of a frame's corners, px; where the file does not tell, a fix by half the target counts half as much."""
+    if "deviation" in frame:
+        return np.inf if frame["deviation"] is None else float(frame["deviation"])
+    return 1 / max(frame["confidence"], 0.1) if frame["state"] == "tracked" else np.inf

@@ -1,0 +1,1 @@
+"""Tracking of surfaces through a whole video."""

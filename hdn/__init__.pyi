@@ -1,0 +1,5 @@
+from .errors import InputError, RunError
+from .imaging.observation import Observation
+from .tracker import Estimate, Tracker
+
+__all__ = ["Estimate", "InputError", "Observation", "RunError", "Tracker"]

@@ -1,0 +1,1 @@
+"""`hdn-analyse`: what the paper's choices, and our states, are worth."""

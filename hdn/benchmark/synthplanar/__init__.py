@@ -1,0 +1,1 @@
+"""SynthPlanar: drawn clips of a textured plane whose corners are known exactly."""

@@ -1,0 +1,1 @@
+"""Frames and plain geometry, with NumPy and OpenCV alone."""

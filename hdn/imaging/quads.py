@@ -1,0 +1,56 @@
+"""Quads: four corners (4, 2), px, in the ad's reading order: top-left, top-right, bottom-right, bottom-left.
+
+Pixel coordinates: x right, y down, the centre of the top-left pixel is (0, 0).
+"""
+
+import numpy as np
+
+from ..errors import InputError
+from .arrays import Array
+
+MIN_SIDE = 16  # px: a smaller target shows too little to track
+
+
+def square(size: float) -> Array:
+    """Outline of a size x size crop as a quad (4, 2): from the outer edge of the first pixel to that of the last."""
+    lo, hi = -0.5, size - 0.5
+    return np.array([[lo, lo], [hi, lo], [hi, hi], [lo, hi]])
+
+
+def outline(width: int, height: int) -> Array:
+    """The corners (4, 2) of a crop of so many pixels: the outer edges of its first and last ones."""
+    return square(1.0) * [width, height] + [(width - 1) / 2, (height - 1) / 2]
+
+
+def area(quad: Array) -> float:
+    """Signed area of a polygon (n, 2) in square pixels: positive when its corners run clockwise on the screen."""
+    x, y = quad[:, 0], quad[:, 1]  # asked for many times a frame: `np.roll` would take six times as long
+    return 0.5 * float(x[:-1] @ y[1:] - y[:-1] @ x[1:] + x[-1] * y[0] - y[-1] * x[0])
+
+
+def side(quad: Array) -> float:
+    """Side of the square of the same area as a polygon (n, 2), px: its size, whatever its shape."""
+    return float(np.sqrt(abs(area(quad))))
+
+
+def is_convex(quad: Array) -> bool:
+    """Whether a quad (4, 2) is convex and not self-crossing: all its turns go the same way."""
+    edges = quad[[1, 2, 3, 0]] - quad
+    following = edges[[1, 2, 3, 0]]
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    return bool(np.all(turns > 0) or np.all(turns < 0))
+
+
+def check_quad(quad: Array, width: int, height: int) -> None:
+    """Raises InputError unless the quad (4, 2) is convex, inside a width x height frame and at least 16 px wide."""
+    if quad.shape != (4, 2) or not np.isfinite(quad).all():
+        raise InputError(f"the quad has {len(quad)} points: give four corners x,y, top-left first, clockwise")
+    if ((quad < -1) | (quad > [width, height])).any():  # corners on the frame's very edge are fine
+        raise InputError(f"the quad lies outside the {width}x{height} frame: give corners inside it")
+    sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
+    if not is_convex(quad):
+        raise InputError(
+            "the quad crosses itself, bends inward or is flat: give the corners in order around the surface"
+        )
+    if sides.min() < MIN_SIDE or abs(area(quad)) < MIN_SIDE**2:
+        raise InputError(f"the quad is under {MIN_SIDE} px wide or high: choose a frame where the surface is larger")

@@ -1,0 +1,1 @@
+"""The networks of HDN, and what runs them."""

@@ -1,0 +1,111 @@
+import json
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ar_demo.track import Source, Track
+from hdn.errors import InputError, RunError
+from hdn.imaging.homography import transform
+
+QUAD = np.array([[10.0, 20], [110, 25], [105, 90], [8, 80]])
+
+
+@pytest.fixture
+def track() -> Track:
+    corners = np.stack([QUAD, QUAD * 1.1 + 3, np.full((4, 2), np.nan)])
+    source = Source("street.mp4", 320, 240, Fraction(30000, 1001), 3)
+    times = [Fraction(i * 1001, 30000) for i in range(3)]
+    return Track(
+        source,
+        0,
+        QUAD,
+        times,
+        corners,
+        ["tracked", "held", "lost"],
+        np.array([1, 0.5, 0]),
+        np.array([0.2, np.inf, np.inf]),
+    )
+
+
+def test_round_trip(track: Track, tmp_path: Path) -> None:
+    track.save(tmp_path / "t.json")
+    again = Track.load(tmp_path / "t.json")
+    assert again.source == track.source
+    assert again.states == track.states
+    np.testing.assert_allclose(again.corners, track.corners, atol=1e-4)
+    np.testing.assert_allclose([float(t) for t in again.times], [float(t) for t in track.times], atol=1e-6)
+
+
+def test_file_is_version_1_as_designed(track: Track, tmp_path: Path) -> None:
+    track.save(tmp_path / "t.json")
+    content = json.loads((tmp_path / "t.json").read_text())
+    assert content["version"] == 1
+    assert content["source"] == {"path": "street.mp4", "width": 320, "height": 240, "fps": "30000/1001", "frames": 3}
+    assert content["frames"][2]["corners"] is None
+    assert content["frames"][2]["homography"] is None
+    homography = np.array(content["frames"][1]["homography"])
+    assert homography[2, 2] == 1
+    np.testing.assert_allclose(transform(homography, QUAD), content["frames"][1]["corners"], atol=1e-3)
+
+
+def test_keyframes_and_cuts_are_kept(track: Track, tmp_path: Path) -> None:
+    track.keyframes, track.cuts = {1: track.corners[1]}, [2]
+    track.save(tmp_path / "t.json")
+    again = Track.load(tmp_path / "t.json")
+    assert again.cuts == [2]
+    np.testing.assert_array_equal(again.keyframes[1], track.corners[1])
+    assert again.given.keys() == {0, 1}
+
+
+def test_a_file_without_them_loads_as_before(track: Track, tmp_path: Path) -> None:
+    path = tmp_path / "t.json"
+    track.save(path)
+    old = {key: value for key, value in json.loads(path.read_text()).items() if key not in ("keyframes", "cuts")}
+    path.write_text(json.dumps(old))
+    again = Track.load(path)
+    assert (again.keyframes, again.cuts) == ({}, [])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"version": 2}, "version 2"),
+        ({"keyframes": [{"frame": 7, "corners": QUAD.tolist()}]}, "frame 7"),
+        ({"keyframes": [{"frame": 1, "corners": [[1, 2]]}]}, "damaged"),
+        ({"quad": [[1, 2]]}, "damaged"),
+        ({"frames": []}, "damaged"),
+        ({"frames": [{"index": 0}]}, "damaged"),
+        ({"source": {"path": "x"}}, "damaged"),
+    ],
+)
+def test_refuses_what_is_no_track(track: Track, tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    path = tmp_path / "t.json"
+    track.save(path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(InputError, match=message) as error:
+        Track.load(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("content", ["", "hello", "[1]", '{"a": 1}'])
+def test_refuses_other_files(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "t.json"
+    path.write_text(content)
+    with pytest.raises(InputError, match="not a track file"):
+        Track.load(path)
+
+
+def test_refuses_another_video(track: Track) -> None:
+    with pytest.raises(InputError, match="640x480"):
+        track.check_belongs_to(Path("other.mp4"), 640, 480)
+
+
+def test_leaves_nothing_behind_where_it_cannot_write(track: Track, tmp_path: Path) -> None:
+    target = tmp_path / "taken"
+    target.mkdir()
+    with pytest.raises(RunError, match="cannot write"):
+        track.save(target)
+    assert list(tmp_path.iterdir()) == [target]

@@ -1,0 +1,268 @@
+"""Tracking between known poses, by a tracker whose every word is known."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ar_demo.options import Keyframe, Moment, Options
+from ar_demo.track import Track
+from ar_demo.tracking import corrections as retracking
+from ar_demo.tracking import passes as tracking
+from ar_demo.tracking.corrections import retrack
+from ar_demo.tracking.passes import track, track_surfaces
+from ar_demo.tracking.smoothing import smooth
+from hdn import Observation
+from hdn.errors import InputError
+from hdn.imaging.arrays import Array
+from hdn.imaging.homography import transform
+from hdn.tracker import Estimate, Evidence, State
+
+from ..clips import Image, make_clip
+from ..scenes import texture
+
+WIDTH, HEIGHT, FRAMES = 128, 96, 60
+RIGHT = np.array([1.0, 0])
+QUAD = np.array([[20.0, 20], [80, 22], [78, 70], [22, 68]])
+
+
+def numbered(number: int, view: Image) -> Image:
+    """A view with a number (0..255) in it."""
+    image = view.copy()
+    for bit in range(8):
+        image[:8, 16 * bit : 16 * bit + 16] = 255 * (number >> bit & 1)
+    return image
+
+
+def number_of(image: Image) -> int:
+    return sum(1 << bit for bit in range(8) if image[4, 16 * bit + 8, 1] > 127)
+
+
+def truth(index: int) -> Array:
+    return QUAD + np.array([0.5 * index, 3 * np.sin(index / 9)])
+
+
+@dataclass
+class World:
+    """What there is to see: elsewhere than in these frames the surface is seen at once.
+
+    Attributes:
+        hidden: frames in which it cannot be found; faint: in which it can be by one who knew where it was before.
+        bias: px by which the tracker is off along x, by frame.
+        seen: frames that were tracked, in their order.
+    """
+
+    hidden: set[int] = field(default_factory=set)
+    faint: set[int] = field(default_factory=set)
+    bias: Callable[[int], float] = lambda index: 0.0
+    seen: list[int] = field(default_factory=list)
+
+
+class Scripted:
+    """A tracker of that world, which holds for three frames."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+
+    def init(self, frame: Image | Observation, quad: Array) -> None:
+        self.quad = quad
+        self.shift = quad - truth(number_of(frame.image if isinstance(frame, Observation) else frame))
+        self.place(np.eye(3))
+
+    def place(self, homography: Array) -> None:
+        self.corners, self.missed = transform(homography, self.quad), 0
+
+    def lose(self) -> None:
+        self.missed = 3
+
+    def track(self, frame: Observation) -> Estimate:
+        index = number_of(frame.image)
+        self.world.seen.append(index)
+        found = index not in self.world.hidden and (index not in self.world.faint or self.missed == 0)
+        state: State = "tracked"
+        if found:
+            self.corners, self.missed = truth(index) + self.shift + [self.world.bias(index), 0], 0
+        else:
+            self.missed += 1
+            state = "held" if self.missed <= 3 else "lost"
+        confidence, deviation = (0.9, 0.3) if found else (0.2, np.inf)
+        return Estimate(
+            np.eye(3), self.corners.copy(), state, confidence, deviation, np.ones((8, 8), np.float32), Evidence()
+        )
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> World:
+    world = World()
+
+    def load(options: Options, count: int) -> Any:
+        return [Scripted(world) for _ in range(count)]
+
+    monkeypatch.setattr(tracking, "load_trackers", load)
+    monkeypatch.setattr(retracking, "load_trackers", load)
+    return world
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    view = texture(1, WIDTH, HEIGHT)
+    return make_clip(tmp_path_factory.mktemp("clip") / "a.mp4", [numbered(i, view) for i in range(FRAMES)], rate=30)
+
+
+@pytest.fixture(scope="module")
+def cut_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Another shot from frame 20 to 39."""
+    views = [texture(1, WIDTH, HEIGHT), 255 - texture(5, WIDTH, HEIGHT)]
+    images = [numbered(i, views[20 <= i < 40]) for i in range(FRAMES)]
+    return make_clip(tmp_path_factory.mktemp("clip") / "cut.mp4", images, rate=30)
+
+
+def keyframe(index: int, corners: Array) -> Keyframe:
+    return Keyframe(Moment(frame=index), corners)
+
+
+def off(track: Track) -> Array:
+    """(N,) distance from the truth, px."""
+    return np.abs(track.corners - [truth(i) for i in range(len(track))]).max((1, 2))
+
+
+@pytest.mark.parametrize("start", [0, 25, FRAMES - 1])
+def test_plain_tracking_goes_both_ways_once(world: World, clip: Path, start: int) -> None:
+    found = track(clip, Options(quad=truth(start), start=Moment(frame=start)))
+    assert found.counts == {"tracked": FRAMES, "held": 0, "lost": 0}
+    assert off(found).max() < 1e-6
+    assert sorted(world.seen) == sorted([*range(FRAMES), *([start] if start else [])])
+    assert found.keyframes == {}
+
+
+@pytest.mark.parametrize("start", [0, 59])
+def test_a_gap_is_filled_from_its_other_end(world: World, clip: Path, start: int) -> None:
+    """The surface comes back faint: only who comes from where it is clear can follow it there."""
+    forward = start == 0
+    world.hidden = set(range(20, 30))
+    world.faint = set(range(30, 45)) if forward else set(range(5, 20))
+    found = track(clip, Options(quad=truth(start), start=Moment(frame=start)))
+    assert off(found)[sorted(world.faint)].max() < 1e-6
+    assert all(found.states[i] == "tracked" for i in world.faint)
+    assert {found.states[i] for i in range(20, 30)} == {"held", "lost"}
+    assert found.counts["lost"] == 10 - 3
+
+
+def test_held_frames_are_led_from_fix_to_fix(world: World, clip: Path) -> None:
+    world.hidden = {20, 21, 22}
+    found = track(clip, Options(quad=QUAD))
+    assert [found.states[i] for i in (19, 20, 22, 23)] == ["tracked", "held", "held", "tracked"]
+    assert off(found).max() < 0.2  # a straight line along a slight bend
+    assert np.abs(truth(22) - truth(19)).max() > 1
+
+
+def test_a_track_passes_through_keyframes(world: World, clip: Path) -> None:
+    """The tracker slips, more and more, up to a frame where somebody corrects it, and is right from there on."""
+    world.bias = lambda i: 0.3 * (i - 10) if 10 <= i <= 30 else 0.0
+    given = keyframe(30, truth(30))
+    found = track(clip, Options(quad=QUAD, keyframes=(given,)))
+    np.testing.assert_array_equal(found.corners[30], truth(30))
+    assert (found.states[30], found.confidence[30]) == ("tracked", 1.0)
+    assert off(found)[:31].max() < 2.1 < 6 == world.bias(30)  # what is linear in it is gone
+    assert off(found)[31 + 30 :].max(initial=0) < 1e-6
+    assert found.keyframes.keys() == {30}
+    smoothed = smooth(found)
+    np.testing.assert_array_equal(smoothed.corners[30], truth(30))
+    np.testing.assert_array_equal(smoothed.corners[0], QUAD)
+
+
+def test_a_correction_is_spread_linearly(world: World, clip: Path) -> None:
+    """A person who sees everything 4 px further right at a keyframe moves all between, the less the farther."""
+    found = track(clip, Options(quad=QUAD, keyframes=(keyframe(40, truth(40) + 4 * RIGHT),)))
+    shift = (found.corners - [truth(i) for i in range(FRAMES)])[..., 0].mean(1)
+    np.testing.assert_allclose(shift[:41], np.arange(41) / 10, atol=1e-6)
+    assert (np.diff(shift[40:]) < 0).all()
+
+
+def test_keyframes_lead_over_what_the_tracker_cannot_see(world: World, clip: Path) -> None:
+    world.hidden = set(range(22, 40)) - {31}
+    found = track(clip, Options(quad=QUAD, keyframes=(keyframe(25, truth(25)), keyframe(28, truth(28)))))
+    assert off(found)[19:29].max() < 0.2
+    assert found.states[23:29] == ["held", "held", "tracked", "held", "held", "tracked"]
+    assert off(found)[31] < 1e-6
+
+
+@pytest.mark.parametrize("start", [0, 30, 59])
+def test_a_keyframe_may_come_before_or_after_the_reference_frame(world: World, clip: Path, start: int) -> None:
+    given = tuple(keyframe(i, truth(i) + 1) for i in (5, 45))
+    found = track(clip, Options(quad=truth(start), start=Moment(frame=start), keyframes=given))
+    np.testing.assert_array_equal(found.corners[5], truth(5) + 1)
+    np.testing.assert_array_equal(found.corners[45], truth(45) + 1)
+    np.testing.assert_array_equal(found.corners[start], truth(start))
+    assert found.counts["tracked"] == FRAMES
+    assert off(found).max() < 1 + 1e-6
+
+
+def test_retracks_only_between_the_neighbours_of_what_changed(world: World, clip: Path, tmp_path: Path) -> None:
+    kept = (keyframe(20, truth(20)), keyframe(40, truth(40)))
+    track(clip, Options(quad=QUAD, keyframes=kept)).save(tmp_path / "t.json")
+    old = Track.load(tmp_path / "t.json")
+    old.corners[10], old.corners[50] = old.corners[10] + 7, old.corners[50] - 7  # as somebody edited it
+    world.seen.clear()
+    new = retrack(clip, old, [keyframe(31, truth(31) + 3 * RIGHT)], Options())
+    assert set(world.seen) == set(range(20, 41))
+    untouched = [*range(20), *range(41, FRAMES)]
+    np.testing.assert_array_equal(new.corners[untouched], old.corners[untouched])
+    np.testing.assert_array_equal(new.corners[31], truth(31) + 3 * RIGHT)
+    assert 1 < off(new)[28] < 3
+    assert new.keyframes.keys() == {20, 31, 40}
+    assert 31 not in old.keyframes
+
+
+def test_a_keyframe_edited_in_the_file_is_new(world: World, clip: Path) -> None:
+    old = track(clip, Options(quad=QUAD, keyframes=(keyframe(20, truth(20)), keyframe(40, truth(40)))))
+    world.seen.clear()
+    assert retrack(clip, old, [], Options()).corners is not old.corners
+    assert world.seen == []
+    old.keyframes[40] = truth(40) + 2
+    new = retrack(clip, old, [], Options())
+    assert set(world.seen) == set(range(20, FRAMES))
+    np.testing.assert_array_equal(new.corners[40], truth(40) + 2)
+
+
+@pytest.mark.parametrize("backward", [False, True])
+def test_a_cut_loses_at_once(world: World, cut_clip: Path, backward: bool) -> None:
+    world.hidden = set(range(20, 40))
+    start = FRAMES - 1 if backward else 0
+    found = track(cut_clip, Options(quad=truth(start), start=Moment(frame=start)))
+    assert found.cuts == [20, 40]
+    assert found.states == ["tracked"] * 20 + ["lost"] * 20 + ["tracked"] * 20
+    assert np.isnan(found.corners[20:40]).all()
+
+
+def test_several_surfaces_share_one_pass(world: World, clip: Path) -> None:
+    other = QUAD * 0.5 + 30
+    surfaces = [Options(quad=QUAD), Options(quad=truth(30) + 2, start=Moment(frame=30)), Options(quad=other)]
+    stages: list[tuple[str, int]] = []
+    tracks = track_surfaces(clip, surfaces, Options(), lambda stage, done, *_: stages.append((stage, done)))
+    assert [t.counts["tracked"] for t in tracks] == [FRAMES] * 3
+    assert [t.reference_frame for t in tracks] == [0, 30, 0]
+    assert off(tracks[0]).max() < 1e-6
+    assert [stage for stage, _ in stages].count("track") == FRAMES
+    assert [stage for stage, _ in stages].count("track back") == 31
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ([keyframe(0, QUAD)], "quad itself"),
+        ([keyframe(90, QUAD)], "beyond the end"),
+        ([keyframe(9, QUAD), Keyframe.parse("0.3s:20,20,80,22,78,70,22,68")], "two keyframes"),
+        ([keyframe(9, QUAD[::-1])], "another order"),
+        ([keyframe(9, QUAD[[0, 2, 1, 3]])], "another order"),
+    ],
+)
+def test_refuses_keyframes_that_cannot_be(world: World, clip: Path, given: list[Keyframe], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        track(clip, Options(quad=QUAD, keyframes=tuple(given)))
+    known = track(clip, Options(quad=QUAD))
+    with pytest.raises(InputError, match=message):
+        retrack(clip, known, given, Options())
