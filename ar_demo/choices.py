@@ -1,0 +1,25 @@
+"""What can be chosen, each list declared once; imports nothing, so that `--help` is quick."""
+
+from typing import Literal, get_args
+
+Fit = Literal["stretch", "contain", "cover"]
+Playback = Literal["loop", "hold", "once"]
+Blend = Literal["normal", "multiply", "screen", "overlay", "soft-light", "add"]
+Lost = Literal["hold", "fade", "hide"]
+Effect = Literal["replace", "mosaic", "blur", "outline"]
+AudioMode = Literal["source", "ad", "mix", "none"]
+Backend = Literal["auto", "egl", "osmesa", "opencv"]
+Depth = Literal["8", "source"]
+Device = Literal["auto", "cpu", "cuda"]
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    "fit": get_args(Fit),
+    "playback": get_args(Playback),
+    "blend": get_args(Blend),
+    "lost": get_args(Lost),
+    "effect": get_args(Effect),
+    "audio": get_args(AudioMode),
+    "backend": get_args(Backend),
+    "depth": get_args(Depth),
+    "device": get_args(Device),
+}

@@ -1,0 +1,187 @@
+"""A surface of a video: where it is, and what is laid on it and how."""
+
+import re
+from dataclasses import dataclass, field, fields
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hdn.imaging.arrays import Array
+
+from .choices import CHOICES, Blend, Effect, Fit, Lost, Playback
+from .errors import InputError
+from .track import Track
+
+# What an effect that is made from the surface itself has no use for.
+ADS_ALONE = ("ad", "fit", "playback", "flat")
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A frame of a video, by number or by time in seconds."""
+
+    frame: int | None = None
+    time: Fraction | None = None
+
+    @classmethod
+    def parse(cls, text: "str | int | Moment") -> "Moment":
+        """Reads '120' as a frame number; '4.5s', '0:04.5' or '1:02:03' as a time.
+
+        Raises:
+            InputError: neither.
+        """
+        if isinstance(text, Moment):
+            return text
+        text = str(text)
+        if re.fullmatch(r"\d+", text):
+            return cls(frame=int(text))
+        if match := re.fullmatch(r"(?:(?:(\d+):)?(\d+):)?(\d+(?:\.\d+)?)s?", text):
+            hours, minutes, seconds = (Fraction(g or 0) for g in match.groups())
+            return cls(time=hours * 3600 + minutes * 60 + seconds)
+        raise InputError(f"'{text}' is neither a frame number (120) nor a time (4.5s, 0:04.5): give one of these")
+
+    def reached(self, index: int, time: Fraction) -> bool:
+        """Whether a frame of this index and time, seconds from the first frame, is at or after the moment."""
+        return index >= self.frame if self.frame is not None else self.time is None or time >= self.time
+
+    def __str__(self) -> str:
+        return f"frame {self.frame}" if self.frame is not None else f"{float(self.time or 0):g} s"
+
+
+FIRST = Moment(frame=0)
+
+
+def parse_quad(points: Any) -> Array:
+    """Four corners to a quad (4, 2), px.
+
+    Args:
+        points: 'x,y x,y x,y x,y', a list of four 'x,y', or four pairs of numbers.
+
+    Raises:
+        InputError: not four points of two numbers.
+    """
+    if isinstance(points, str):
+        points = points.split()
+    elif len(points) == 1 and isinstance(points[0], str):
+        points = points[0].split()
+    try:
+        rows = [p.replace(",", " ").split() if isinstance(p, str) else p for p in points]
+        quad = np.array(rows, np.float64)
+    except (TypeError, ValueError):
+        quad = np.empty(0)
+    if quad.shape != (4, 2) or not np.isfinite(quad).all():
+        raise InputError(
+            "the quad needs four corners x,y in pixels: top-left, top-right, bottom-right, bottom-left of the ad, "
+            "as in --quad 100,80 300,80 300,240 100,240"
+        )
+    return quad
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """Corners given by hand: the track passes through them.
+
+    Attributes:
+        at: the frame, another one than the reference frame.
+        corners: (4, 2) px, in the order of the quad; they may lie outside the frame.
+    """
+
+    at: Moment
+    corners: Array
+
+    @classmethod
+    def parse(cls, text: str) -> "Keyframe":
+        """Reads 'FRAME:x,y,x,y,x,y,x,y', where FRAME is a number or a time as of `Moment.parse`.
+
+        Raises:
+            InputError: not of this form, or corners that are no quad.
+        """
+        moment, _, corners = text.rpartition(":")
+        numbers = corners.split(",")
+        if not moment or len(numbers) != 8:
+            raise InputError(f"keyframe '{text}' is not FRAME:x,y,x,y,x,y,x,y: give a frame and its four corners")
+        return cls(Moment.parse(moment), parse_quad([",".join(numbers[i : i + 2]) for i in range(0, 8, 2)]))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface: where it is, and what is laid on it and how.
+
+    Attributes:
+        ad: video, image or animated image; None with an effect that is made from the surface itself.
+        quad: (4, 2) the surface's corners in the reference frame, px; top-left, top-right, bottom-right, bottom-left of
+            the ad as it shall appear. Not needed where there is a track.
+        start: the reference frame; tracking runs forward and backward from it.
+        keyframes: corners in other frames, where tracking went wrong.
+        track: made earlier; it is tracked anew only around keyframes that it does not pass through.
+        fit: how the ad's shape is brought to the surface's.
+        playback: what a moving ad does when it is over: start again, hold its last frame, or go.
+        blend: how the ad's colours mix with those of the surface (W3C Compositing and Blending Level 1).
+        opacity: 0..1.
+        feather: px of the frame over which the ad's edge fades.
+        lost: what the ad does while the surface is lost.
+        effect: what is drawn; all but 'replace' are made from the surface itself.
+        flat: whether an ad is laid on as it is, over all, and not lit, blurred and hidden as the surface is.
+
+    Raises:
+        InputError: a value that is not allowed, or one that cannot apply beside another.
+    """
+
+    ad: Path | str | None = None
+    quad: Array | None = None
+    start: Moment = FIRST
+    keyframes: tuple[Keyframe, ...] = ()
+    track: Track | None = field(default=None, repr=False)
+    fit: Fit = "stretch"
+    playback: Playback = "loop"
+    blend: Blend = "normal"
+    opacity: float = 1.0
+    feather: float = 0.0
+    lost: Lost = "fade"
+    effect: Effect = "replace"
+    flat: bool = False
+
+    @property
+    def in_scene(self) -> bool:
+        """Whether the ad takes on the scene's light, blur and occluders."""
+        return self.effect == "replace" and not self.flat
+
+    @property
+    def name(self) -> str | None:
+        """The ad's file, as text; None without an ad."""
+        return None if self.ad is None else str(self.ad)
+
+    def __post_init__(self) -> None:
+        check_choices(self)
+        if not 0 <= self.opacity <= 1:
+            raise InputError(f"opacity {self.opacity} is out of range: give 0 to 1")
+        check_not_negative("feather", self.feather)
+        if not isinstance(self.flat, bool):
+            raise InputError(f"flat '{self.flat}' is neither true nor false: give one of these")
+        if self.effect != "replace":
+            for name in ADS_ALONE:
+                if getattr(self, name) != _DEFAULTS[name]:
+                    raise InputError(f"{name} does nothing with effect {self.effect}, which needs no ad: leave it out")
+        if self.track is not None:
+            for name in ("quad", "start"):
+                if getattr(self, name) is not _DEFAULTS[name]:
+                    raise InputError(f"{name} does nothing beside a track, which has its own: leave one of them out")
+
+
+_DEFAULTS = {f.name: f.default for f in fields(Surface)}
+
+
+def check_choices(options: Any) -> None:
+    """Raises InputError for a field of a dataclass that is none of the choices of its name."""
+    for f in fields(options):
+        value = getattr(options, f.name)
+        if f.name in CHOICES and value not in CHOICES[f.name]:
+            raise InputError(f"{f.name} '{value}' is unknown: choose {', '.join(CHOICES[f.name])}")
+
+
+def check_not_negative(name: str, value: float) -> None:
+    """Raises InputError for a negative, infinite or undefined value."""
+    if not 0 <= value < np.inf:
+        raise InputError(f"{name} {value} is out of range: give 0 or more")
