@@ -1,28 +1,32 @@
-from .errors import InputError, RunError
-from .options import Keyframe, Moment, Options, Placing, parse_quad
-from .pipeline import Surface, replace, replace_surfaces
-from .rendering.loop import render
+from .errors import InputError, RunError, Stopped
+from .live import LiveSession
+from .options import OutputOptions, TrackingOptions
+from .pipeline import replace, track
+from .progress import Progress
 from .results import Result
-from .track import Track
-from .tracking.corrections import retrack
-from .tracking.passes import track
+from .session import Session
+from .surface import Keyframe, Moment, Surface, parse_quad
+from .tracking.protocol import PlanarTracker
 from .tracking.smoothing import smooth
+from .tracks import Track
 
 __all__ = [
     "InputError",
     "Keyframe",
+    "LiveSession",
     "Moment",
-    "Options",
-    "Placing",
+    "OutputOptions",
+    "PlanarTracker",
+    "Progress",
     "Result",
     "RunError",
+    "Session",
+    "Stopped",
     "Surface",
     "Track",
+    "TrackingOptions",
     "parse_quad",
-    "render",
     "replace",
-    "replace_surfaces",
-    "retrack",
     "smooth",
     "track",
 ]

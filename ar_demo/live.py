@@ -1,50 +1,151 @@
 """Live use: track, filter, draw and write each frame as it comes."""
 
 import logging
-import signal
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
-from threading import Event, current_thread, main_thread
-from types import FrameType
-from typing import Any
+from typing import BinaryIO
 
 import numpy as np
 
-from hdn import Observation, Tracker
+from hdn import Observation
 from hdn.imaging.arrays import Array
+from hdn.state import STATES, State
 
 from .errors import InputError
 from .media.live_stream import Stream
 from .media.reader import Frame
-from .media.sinks import StreamWriter, standard_output
+from .media.sinks import StreamWriter
 from .media.writer import VideoWriter
-from .options import Moment, Options
-from .pipeline import Surface
-from .progress import Progress, silent
-from .rendering.loop import check_output
+from .options import OutputOptions, TrackingOptions
+from .progress import Listener, Stage, silent
 from .rendering.painting import Painter, check_ad
 from .rendering.presentation import FADE_SECONDS
 from .results import Result, total
 from .scene.conditions import Appearance, Conditions
-from .track import STATES
+from .session import check_output
+from .stopping import StopSignal
+from .surface import Moment, Surface
 from .tracking.cuts import CutDetector
 from .tracking.oneeuro import OneEuro
-from .tracking.passes import load_trackers
+from .tracking.protocol import MakeTracker, PlanarTracker, hdn_trackers
 
 log = logging.getLogger(__name__)
 
 STDOUT = Path("-")
 
 
+class LiveSession:
+    """Puts ads on surfaces of a live source.
+
+    Each frame is written before the next one is taken; what comes meanwhile is dropped, but for the newest. A 1 euro
+    filter takes the place of smoothing. There is no sound.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        surfaces: Sequence[Surface],
+        listen: Listener = silent,
+        make_tracker: MakeTracker | None = None,
+    ) -> None:
+        """Args:
+            source: see `Stream`.
+            surfaces: with their quads.
+            listen: called after each frame.
+            make_tracker: makes a tracker for each surface; None makes HDN's.
+
+        Raises:
+            InputError: a surface that live use cannot have, or an ad that cannot be read.
+        """
+        if any(surface.quad is None or surface.keyframes or surface.track for surface in surfaces):
+            raise InputError(
+                "live tracking needs each surface's quad, and knows neither tracks nor keyframes: give --quad"
+            )
+        for surface in surfaces:
+            check_ad(surface)
+        self.source, self.surfaces, self.listen = source, list(surfaces), listen
+        self._make_tracker = make_tracker
+        self._stop = StopSignal()
+
+    def stop(self) -> None:
+        """Ends `run` after the frame under way, its output being complete; may be called from any thread."""
+        self._stop.set()
+
+    def run(
+        self,
+        output: Path | str | BinaryIO,
+        tracking: TrackingOptions | None = None,
+        options: OutputOptions | None = None,
+    ) -> Result:
+        """Works until the source ends, `tracking.end` is reached, or `stop` is called.
+
+        Args:
+            output: a video file, or an open binary file that H.264 in MPEG-TS is written to.
+
+        Returns:
+            The summary; its frame rate is that of the frames written, and `dropped` counts the others.
+
+        Raises:
+            InputError: a source or a quad that cannot be used, an option that live use cannot keep.
+            RunError: the output cannot be written.
+        """
+        tracking, options = tracking or TrackingOptions(), options or OutputOptions()
+        if options.audio in ("ad", "mix"):
+            raise InputError("a live output has no sound: leave --audio out")
+        output = Path(output) if isinstance(output, str) else output
+        if isinstance(output, Path):
+            check_output(output, options, self.source, *(surface.ad for surface in self.surfaces))
+        make_tracker = self._make_tracker or hdn_trackers(tracking)
+        cuts, frames, began = CutDetector(), 0, 0.0
+        with ExitStack() as stack:
+            stream = stack.enter_context(Stream(self.source))
+            targets = []
+            for surface in self.surfaces:
+                assert surface.quad is not None
+                painter = Painter(surface, surface.quad, (stream.width, stream.height), options.backend)
+                targets.append(_Target(surface, make_tracker(), stack.enter_context(painter)))
+            writer = _open_output(output, stream, options)
+            stack.enter_context(writer)
+            log.info("live: %dx%d, without sound", stream.width, stream.height)
+            show = Stage(self.listen, "live", 0, None)
+            zero = None
+            for frame in stream.frames(self._stop.event):
+                zero, began = (frame.time, time.perf_counter()) if zero is None else (zero, began)
+                elapsed = frame.time - zero
+                if tracking.end != Moment() and tracking.end.reached(frame.index, elapsed):
+                    self.stop()
+                seen = Observation(frame.image)
+                cut = cuts.is_cut(frames, seen.grey)
+                states = tuple(target.see(frame, seen, elapsed, cut) for target in targets)
+                for target in targets:
+                    target.draw(frame, elapsed)
+                writer.write(frame.image, frame.time)
+                frames += 1
+                show(states, frame.image)
+            if all(target.started is None for target in targets):
+                raise InputError(f"start ({self.surfaces[0].start}) was not reached: {self.source} had {frames} frames")
+            seconds = time.perf_counter() - began
+        return Result(
+            output if isinstance(output, Path) else STDOUT,
+            frames,
+            total(target.counts for target in targets),
+            seconds,
+            targets[0].painter.description,
+            stream.warnings,
+            [{"ad": target.surface.name, "states": target.counts} for target in targets],
+            stream.dropped,
+        )
+
+
 class _Target:
     """One surface, live."""
 
-    def __init__(self, surface: Surface, tracker: Tracker, painter: Painter) -> None:
-        self.ad, self.placing, self.tracker, self.painter = surface.ad, surface.placing, tracker, painter
+    def __init__(self, surface: Surface, tracker: PlanarTracker, painter: Painter) -> None:
+        self.surface, self.tracker, self.painter = surface, tracker, painter
         self.states: Counter[str] = Counter()
         self.started: Fraction | None = None
         self._filter = OneEuro()
@@ -57,121 +158,51 @@ class _Target:
     def counts(self) -> dict[str, int]:
         return {state: self.states[state] for state in STATES}
 
-    def see(self, frame: Frame, seen: Observation, elapsed: Fraction, cut: bool) -> str:
-        """Tracks the surface in a frame and draws on it; the state that it is in, '' before its start."""
+    def see(self, frame: Frame, seen: Observation, elapsed: Fraction, cut: bool) -> State | None:
+        """Tracks the surface in a frame; the state that it is in, None before its start."""
         if self.started is None:
-            if not self.placing.start.reached(frame.index, elapsed):
-                return ""
-            assert self.placing.quad is not None
-            self.tracker.init(seen, self.placing.quad)
+            if not self.surface.start.reached(frame.index, elapsed):
+                return None
+            assert self.surface.quad is not None
+            self.tracker.init(seen, self.surface.quad)
             self.started, self._opacity = elapsed, 1.0
-            if self.placing.in_scene:
-                self._appearance = Appearance(frame.image, self.placing.quad)
+            if self.surface.in_scene:
+                self._appearance = Appearance(frame.image, self.surface.quad)
         if cut:
             self.tracker.lose()
             self._opacity = 0.0
         estimate = self.tracker.track(seen)
         self.states[estimate.state] += 1
-        self._appear(estimate.state == "lost", elapsed, cut)
-        if estimate.state == "lost":
+        lost = estimate.state == "lost"
+        self._appear(lost, elapsed, cut)
+        if lost:
             self._filter.reset()
         else:
             self._pose = self._filter(estimate.corners, float(frame.time))
         if self._appearance is not None:
-            lost = estimate.state == "lost"
             self._conditions = self._appearance.conditions(frame.image, self._pose, estimate.deviation, lost, cut)
         return estimate.state
 
     def draw(self, frame: Frame, elapsed: Fraction) -> None:
         if self.started is not None:
-            opacity = self._opacity * self.placing.opacity
+            opacity = self._opacity * self.surface.opacity
             self.painter.draw(frame.image, self._pose, opacity, elapsed - self.started, self._conditions)
 
     def _appear(self, lost: bool, elapsed: Fraction, cut: bool) -> None:
-        """Lets the ad come and go as `Placing.lost` says, as far as that can be without knowing what comes."""
+        """Lets the ad come and go as `Surface.lost` says, as far as that can be without knowing what comes."""
         step = float(elapsed - self._time) / FADE_SECONDS
         self._time = elapsed
-        if self.placing.lost == "hide" or (cut and not lost):
+        if self.surface.lost == "hide" or (cut and not lost):
             self._opacity = float(not lost)
         elif not lost:
             self._opacity = min(1.0, self._opacity + step)
-        elif self.placing.lost == "fade":
+        elif self.surface.lost == "fade":
             self._opacity = max(0.0, self._opacity - step)
 
 
-def replace_live(
-    source: str, surfaces: Sequence[Surface], options: Options, output: Path | str, progress: Progress = silent
-) -> Result:
-    """Puts ads on surfaces of a live source until it ends, `options.end` is reached, or Ctrl-C is pressed.
-
-    Each frame is written before the next one is taken; what comes meanwhile is dropped, but for the newest. A 1 euro
-    filter takes the place of smoothing. There is no sound.
-
-    Args:
-        source: see `Stream`. surfaces: with their quads; tracks are not used.
-        output: a video file, or '-' for H.264 in MPEG-TS on standard output.
-
-    Returns:
-        The summary; its frame rate is that of the frames written, and `dropped` counts the others.
-
-    Raises:
-        InputError: a source, an ad or a quad that cannot be used. RunError: the output cannot be written.
-    """
-    output = Path(output)
-    if output != STDOUT:
-        check_output(output, options, source, *(surface.ad for surface in surfaces))
-    if any(surface.placing.quad is None or surface.placing.keyframes or surface.track for surface in surfaces):
-        raise InputError("live tracking needs each surface's quad, and knows neither tracks nor keyframes: give --quad")
-    if options.audio in ("ad", "mix"):
-        raise InputError("a live output has no sound: leave --audio out")
-    for surface in surfaces:
-        check_ad(surface.ad, surface.placing)
-    trackers = load_trackers(options, len(surfaces))
-    cuts, frames, began = CutDetector(), 0, 0.0
-    with ExitStack() as stack:
-        stop = stack.enter_context(_interrupts())
-        stream = stack.enter_context(Stream(source))
-        size = stream.width, stream.height
-        targets = []
-        for surface, tracker in zip(surfaces, trackers, strict=True):
-            assert surface.placing.quad is not None
-            painter = Painter(surface.ad, surface.placing, surface.placing.quad, size, options.backend)
-            targets.append(_Target(surface, tracker, stack.enter_context(painter)))
-        writer = _open_output(output, stream, options)
-        stack.enter_context(writer)
-        log.info("live: %dx%d, without sound; Ctrl-C ends it", *size)
-        zero = None
-        for frame in stream.frames(stop):
-            zero, began = (frame.time, time.perf_counter()) if zero is None else (zero, began)
-            elapsed = frame.time - zero
-            if options.end != Moment() and options.end.reached(frame.index, elapsed):
-                stop.set()
-            seen = Observation(frame.image)
-            cut = cuts.is_cut(frames, seen.grey)
-            states = [target.see(frame, seen, elapsed, cut) for target in targets]
-            for target in targets:
-                target.draw(frame, elapsed)
-            writer.write(frame.image, frame.time)
-            frames += 1
-            progress("live", frames, None, states[0])
-        if all(target.started is None for target in targets):
-            raise InputError(f"start ({surfaces[0].placing.start}) was not reached: {source} had {frames} frames")
-        seconds = time.perf_counter() - began
-    return Result(
-        output,
-        frames,
-        total(target.counts for target in targets),
-        seconds,
-        targets[0].painter.description,
-        stream.warnings,
-        [{"ad": target.ad and str(target.ad), "states": target.counts} for target in targets],
-        stream.dropped,
-    )
-
-
-def _open_output(output: Path, stream: Stream, options: Options) -> VideoWriter | StreamWriter:
-    if output == STDOUT:
-        return StreamWriter(standard_output(), stream.width, stream.height, stream.rate, stream.time_base)
+def _open_output(output: Path | BinaryIO, stream: Stream, options: OutputOptions) -> VideoWriter | StreamWriter:
+    if not isinstance(output, Path):
+        return StreamWriter(output, stream.width, stream.height, stream.rate, stream.time_base)
     return VideoWriter(
         output,
         stream.width,
@@ -182,25 +213,3 @@ def _open_output(output: Path, stream: Stream, options: Options) -> VideoWriter 
         time_base=stream.time_base,
         fast=True,
     )
-
-
-@contextmanager
-def _interrupts() -> Iterator[Event]:
-    """An event that Ctrl-C and a request to terminate set; the second time they act as usual."""
-    stop = Event()
-    if current_thread() is not main_thread():
-        yield stop  # signals come to the main thread only
-        return
-    usual: dict[int, Any] = {}
-
-    def ask(number: int, frame: FrameType | None) -> None:
-        stop.set()
-        signal.signal(number, usual[number])
-
-    for number in (int(signal.SIGINT), int(signal.SIGTERM)):
-        usual[number] = signal.signal(number, ask)
-    try:
-        yield stop
-    finally:
-        for number, handler in usual.items():
-            signal.signal(number, handler)

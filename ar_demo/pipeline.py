@@ -1,103 +1,88 @@
-"""The whole job: track, smooth, render."""
+"""The whole job in one call: track, smooth, render."""
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from dataclasses import replace as changed
 from pathlib import Path
 
-from .options import Options, Placing
-from .progress import Progress, silent
-from .rendering.loop import Layer, check_output, render_layers
+from .errors import InputError
+from .options import OutputOptions, TrackingOptions
+from .progress import Listener, silent
 from .rendering.painting import check_ad
 from .results import Result
-from .track import Track
-from .tracking.corrections import retrack
-from .tracking.passes import track_surfaces
-from .tracking.smoothing import smooth
-
-
-@dataclass(frozen=True)
-class Surface:
-    """A surface to be tracked and what is laid on it.
-
-    Attributes:
-        ad: video, image or animated image; None with an effect that needs none.
-        placing: where it is; at least `quad`, or else there is a `track`.
-        track: made earlier; only tracked anew around keyframes of the placing that it does not pass through.
-    """
-
-    ad: Path | str | None
-    placing: Placing
-    track: Track | None = None
+from .session import Session, check_output
+from .surface import Surface
+from .tracking.protocol import MakeTracker
+from .tracks import Track
 
 
 def replace(
     input: Path | str,
-    ad: Path | str | None,
-    options: Options,
+    surfaces: Surface | Sequence[Surface],
     output: Path | str | None = None,
-    known_track: Track | None = None,
-    progress: Progress = silent,
+    tracking: TrackingOptions | None = None,
+    options: OutputOptions | None = None,
+    listen: Listener = silent,
     save_track: Path | str | None = None,
 ) -> Result:
-    """Puts an ad on a surface of a video.
+    """Puts ads on the surfaces of a video in one pass; later ones are drawn over earlier ones.
 
     Args:
         input: the video.
-        ad: video, image or animated image; None with an effect that needs none.
-        options: at least `quad`, or else a `known_track`.
+        surfaces: one or several, each with its quad or with a track made earlier.
         output: the video to write; None writes beside the input, as INPUT.ar.mp4.
-        known_track: a track of this video made earlier, rendered as it is instead of tracking again; see `Surface`.
-        save_track: where to write the track that was rendered.
-
-    Raises:
-        InputError, RunError: see `track` and `render`.
-
-    Example:
-        replace("street.mp4", "ad.mp4", Options(quad=parse_quad("100,80 300,80 300,240 100,240")))
-    """
-    return replace_surfaces(input, [Surface(ad, options, known_track)], options, output, progress, save_track)
-
-
-def replace_surfaces(
-    input: Path | str,
-    surfaces: Sequence[Surface],
-    options: Options,
-    output: Path | str | None = None,
-    progress: Progress = silent,
-    save_track: Path | str | None = None,
-) -> Result:
-    """Puts ads on several surfaces of a video in one pass; later ones are drawn over earlier ones.
-
-    Args:
-        options: what concerns all of them; each surface's own `placing` is in it.
+        tracking, options: how to track, and how to draw and write.
+        listen: called after each frame.
         save_track: where to write the tracks; of several the first goes to NAME.1.json, and so on.
 
     Raises:
-        InputError, RunError: see `track` and `render`.
+        InputError, RunError: see `Session.track` and `Session.render`.
+
+    Example:
+        replace("street.mp4", Surface("ad.mp4", parse_quad("100,80 300,80 300,240 100,240")), "out.mp4")
     """
     started = time.perf_counter()
+    surfaces = [surfaces] if isinstance(surfaces, Surface) else list(surfaces)
+    if not surfaces:
+        raise InputError("there is no surface: give one, with its quad or a track")
+    tracking, options = tracking or TrackingOptions(), options or OutputOptions()
     output = Path(output) if output is not None else default_output(Path(input))
     check_output(output, options, input, *(surface.ad for surface in surfaces))
     for surface in surfaces:
-        check_ad(surface.ad, surface.placing)
+        check_ad(surface)
     files = track_files(Path(save_track), len(surfaces)) if save_track is not None else []
     for file in files:
         check_output(file, options, input)
-    unknown = [surface.placing for surface in surfaces if surface.track is None]
-    measured = iter(track_surfaces(input, unknown, options, progress) if unknown else [])
-    layers = []
-    for surface in surfaces:
-        if surface.track is None:
-            shown = smooth(next(measured), options.smooth)
-        else:
-            shown = retrack(input, surface.track, surface.placing.keyframes, options, progress)
-        layers.append(Layer(surface.ad, shown, surface.placing))
-    for file, layer in zip(files, layers, strict=False):
-        layer.track.save(file)
-    result = render_layers(input, layers, output, options, progress)
+    with Session(input, listen) as session:
+        tracked = session.track(surfaces, tracking)
+        for file, surface in zip(files, tracked, strict=False):
+            if surface.track is not None:
+                surface.track.save(file)
+        result = session.render(tracked, output, options)
     return changed(result, seconds=time.perf_counter() - started)
+
+
+def track(
+    input: Path | str,
+    surface: Surface,
+    tracking: TrackingOptions | None = None,
+    listen: Listener = silent,
+    make_tracker: MakeTracker | None = None,
+) -> Track:
+    """Tracks a surface through a video; one that has a track is tracked anew next to keyframes that are new to it.
+
+    Args:
+        surface: with its quad, or a track made earlier.
+        tracking: how; `smooth=0` gives the track as it was measured.
+        make_tracker: makes the tracker, see `PlanarTracker`; None makes HDN's.
+
+    Raises:
+        InputError: see `Session.track`.
+    """
+    with Session(input, listen, make_tracker) as session:
+        [tracked] = session.track([surface], tracking)
+    assert tracked.track is not None
+    return tracked.track
 
 
 def default_output(input: Path) -> Path:

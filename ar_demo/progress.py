@@ -1,22 +1,55 @@
-"""How far the work is: what is called after each frame, and a progress bar on stderr that can be."""
+"""How far the work is: an event after each frame, for a progress bar, a log or a window."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import count
 
-# Called after each frame with what is being done, frames done, frames in all if known, and the frame's state.
-Progress = Callable[[str, int, int | None, str], None]
+from hdn.imaging.arrays import Image
+from hdn.state import STATES, State
 
 
-def silent(stage: str, done: int, total: int | None, state: str) -> None:
-    """A progress callback that shows nothing."""
+@dataclass(frozen=True)
+class Progress:
+    """One frame is done.
+
+    Attributes:
+        stage: what is being done, as 'track' or 'render'.
+        done, total: frames done in this stage, and in all; None where that is not known.
+        states: of the surfaces in this frame, in their order; None for one that is not looked at now.
+        preview: the frame, RGB (H, W, 3), with the ads where they are drawn already; not to be written to, and only
+            valid during the call: copy what is kept.
+    """
+
+    stage: str
+    done: int
+    total: int | None = None
+    states: tuple[State | None, ...] = ()
+    preview: Image | None = None
+
+    @property
+    def state(self) -> State | None:
+        """The worst state of the surfaces."""
+        return next((state for state in reversed(STATES) if state in self.states), None)
+
+    @property
+    def surface(self) -> int | None:
+        """Which surface, from 0, is in the worst state."""
+        return None if self.state is None else self.states.index(self.state)
 
 
-def counted(progress: Progress, stage: str, done: int, total: int | None) -> Callable[[str], None]:
-    """To be called with each frame's state, counts the frames of a stage; done: how many are done already."""
-    numbers = count(done + 1)
-    return lambda state: progress(stage, next(numbers), total, state)
+Listener = Callable[[Progress], None]
 
 
-def renamed(progress: Progress, prefix: str) -> Progress:
-    """The same callback, with a prefix to the names of the stages."""
-    return lambda stage, done, total, state: progress(prefix + stage, done, total, state)
+def silent(event: Progress) -> None:
+    """A listener that shows nothing."""
+
+
+class Stage:
+    """Counts the frames of a stage, and tells a listener of each."""
+
+    def __init__(self, listener: Listener, name: str, done: int, total: int | None) -> None:
+        """Args: done: frames that are done already."""
+        self._listener, self._name, self._total, self._numbers = listener, name, total, count(done + 1)
+
+    def __call__(self, states: tuple[State | None, ...] = (), preview: Image | None = None) -> None:
+        self._listener(Progress(self._name, next(self._numbers), self._total, states, preview))

@@ -35,6 +35,7 @@ class Result:
         return self.frames / max(self.seconds, 1e-9)
 
     def summary(self) -> dict[str, Any]:
+        """As JSON can hold it."""
         return {
             "output": str(self.output),
             "frames": self.frames,

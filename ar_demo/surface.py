@@ -12,7 +12,7 @@ from hdn.imaging.arrays import Array
 
 from .choices import CHOICES, Blend, Effect, Fit, Lost, Playback
 from .errors import InputError
-from .track import Track
+from .tracks import Track
 
 # What an effect that is made from the surface itself has no use for.
 ADS_ALONE = ("ad", "fit", "playback", "flat")
@@ -64,8 +64,6 @@ def parse_quad(points: Any) -> Array:
     """
     if isinstance(points, str):
         points = points.split()
-    elif len(points) == 1 and isinstance(points[0], str):
-        points = points[0].split()
     try:
         rows = [p.replace(",", " ").split() if isinstance(p, str) else p for p in points]
         quad = np.array(rows, np.float64)

@@ -8,9 +8,10 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from importlib.metadata import version
 from threading import current_thread, main_thread
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from .errors import InputError, RunError
 
@@ -26,24 +27,33 @@ class Parser(argparse.ArgumentParser):
         super().__init__(prog, description=description, epilog=epilog)
         # Corners such as -50,70 are numbers to us, and would be options to argparse.
         self._negative_number_matcher = re.compile(r"^-\.?\d")
+        self.add_argument(
+            "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="show the version and exit"
+        )
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see {self.prog} --help)")
 
 
+class _Version(argparse.Action):
+    """Looked up only when asked for: reading what is installed takes time."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        print(f"{parser.prog} {version('ar-replace')}")
+        parser.exit()
+
+
 Command = Callable[[Sequence[str] | None], int]
 
 
-def run(command: Command | str, arguments: Sequence[str] | None, interrupted: str) -> int:
+def run(command: Command, arguments: Sequence[str] | None, interrupted: str) -> int:
     """The command's exit status; whatever it raises is said in one line on stderr.
 
     Args:
-        command: the function, or 'module:function', which is loaded here so that Ctrl-C may come meanwhile.
+        command: takes the arguments, and gives the exit status; see `load`.
         interrupted: what Ctrl-C leaves behind.
     """
     try:
-        if isinstance(command, str):
-            command = _load(command, interrupted)
         return command(arguments)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -61,7 +71,7 @@ def run(command: Command | str, arguments: Sequence[str] | None, interrupted: st
         return FAILED
 
 
-def _load(command: str, interrupted: str) -> Command:
+def load(command: str, interrupted: str) -> Any:
     """Imports 'module:function'. Libraries that are being loaded swallow Ctrl-C, or fail by it: so it just ends all."""
 
     def leave(number: int, frame: FrameType | None) -> None:

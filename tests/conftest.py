@@ -1,9 +1,12 @@
 import logging
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
-from ar_demo.cli import entry as cli
+from ar_demo.cli import entry
+from ar_demo.tracking import protocol
+from hdn import Tracker
 from hdn.networks import weights
 from hdn.networks.engine import Engine
 
@@ -14,7 +17,7 @@ Run = Callable[..., tuple[int, str, str]]
 @pytest.fixture
 def main() -> Main:
     """The command line that `run` runs, where a call names no other; modules that test another have their own."""
-    return cli.replace_main
+    return entry.replace_main
 
 
 @pytest.fixture
@@ -40,6 +43,16 @@ def network() -> weights.Hdn:
 def engine(network: weights.Hdn) -> Engine:
     """The shipped networks as the tracker runs them on a CPU; loaded once for all tests."""
     return Engine(network, "cpu")
+
+
+@pytest.fixture
+def shared_networks(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sessions of this test take the shipped networks as they are loaded already, where they name no others."""
+
+    def tracker(weights: Path | None = None, device: str = "auto", engine: Engine | None = engine) -> Tracker:
+        return Tracker(weights, device, None if weights else engine)
+
+    monkeypatch.setattr(protocol, "Tracker", tracker)
 
 
 @pytest.fixture(autouse=True)

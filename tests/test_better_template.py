@@ -1,6 +1,7 @@
 """The second pass: what is learnt from views that are better than the first, and that nothing is where it cannot be."""
 
 import json
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 
@@ -8,11 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from ar_demo.options import Options
-from ar_demo.track import Source, Track
-from ar_demo.tracking import passes as tracking
-from ar_demo.tracking.passes import track
+from ar_demo.options import TrackingOptions
+from ar_demo.pipeline import track
+from ar_demo.progress import Progress
+from ar_demo.surface import Surface
+from ar_demo.tracking.passes import Passes
 from ar_demo.tracking.runs import blank, blend, join
+from ar_demo.tracks import Source, Track
 from hdn import Observation, Tracker
 from hdn.better_template import CERTAIN, Learnt, Views
 from hdn.evidence import Evidence
@@ -131,24 +134,24 @@ def test_nothing_is_learnt_about_pieces_that_change() -> None:
         assert np.abs(found.image[piece].astype(float) - shown[piece]).mean() < 8
 
 
-@pytest.fixture
-def ours(monkeypatch: pytest.MonkeyPatch, engine: Engine) -> None:
-    monkeypatch.setattr(
-        tracking, "load_trackers", lambda options, count: [Tracker(engine=engine) for _ in range(count)]
-    )
-
-
-def both(clip: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Track, Track, list[str]]:
+def both(clip: Path, monkeypatch: pytest.MonkeyPatch, engine: Engine) -> tuple[Track, Track, list[str]]:
     """The clip's track without and with the second pass, and the stages of the latter."""
-    stages: list[str] = []
-    second = track(clip, Options(quad=TRUTH[0]), lambda stage, *_: stages.append(stage))
-    monkeypatch.setattr(tracking, "learn", lambda *_: None)
-    return track(clip, Options(quad=TRUTH[0])), second, stages
+    events: list[Progress] = []
+
+    def measured(listen: Callable[[Progress], None]) -> Track:
+        options = TrackingOptions(smooth=0)
+        return track(clip, Surface(quad=TRUTH[0]), options, listen, lambda: Tracker(engine=engine))
+
+    second = measured(events.append)
+    monkeypatch.setattr(Passes, "_again", lambda *_: None)
+    return measured(lambda _: None), second, [event.stage for event in events]
 
 
-def test_the_second_pass_mends_a_blurred_beginning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ours: None) -> None:
+def test_the_second_pass_mends_a_blurred_beginning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: Engine
+) -> None:
     clip = make_clip(tmp_path / "a.mp4", frames_of(blurred), rate=30, options={"crf": "16"})
-    once, twice, stages = both(clip, monkeypatch)
+    once, twice, stages = both(clip, monkeypatch, engine)
     errors = [np.array([error(c, t) for c, t in zip(track.corners, TRUTH, strict=True)]) for track in (once, twice)]
     assert "again: track" in stages
     assert twice.counts["tracked"] == FRAMES
@@ -157,9 +160,11 @@ def test_the_second_pass_mends_a_blurred_beginning(tmp_path: Path, monkeypatch: 
     assert twice.deviation[1:].min() > 0  # where the second pass began counts as measured, not as given
 
 
-def test_a_good_first_view_costs_no_second_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ours: None) -> None:
+def test_a_good_first_view_costs_no_second_pass(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: Engine
+) -> None:
     clip = make_clip(tmp_path / "a.mp4", frames_of(as_it_is), rate=30, options={"crf": "16"})
-    once, twice, stages = both(clip, monkeypatch)
+    once, twice, stages = both(clip, monkeypatch, engine)
     assert set(stages) == {"track"}
     once.save(tmp_path / "once.json")
     twice.save(tmp_path / "twice.json")

@@ -7,23 +7,22 @@ import sys
 import time
 from fractions import Fraction
 from pathlib import Path
-from threading import Event
+from threading import Event, Thread
+from typing import Any
 
 import av
 import cv2
 import numpy as np
 import pytest
 
-from ar_demo import live
-from ar_demo.live import replace_live
+from ar_demo.cli.stdio import stopped_by_signals
+from ar_demo.live import LiveSession
 from ar_demo.media.live_stream import Stream
 from ar_demo.media.reader import VideoReader
-from ar_demo.options import Moment, Options
-from ar_demo.pipeline import Surface
-from ar_demo.tracking import passes as tracking
-from hdn import Tracker
+from ar_demo.options import OutputOptions, TrackingOptions
+from ar_demo.progress import Progress
+from ar_demo.surface import Moment, Surface
 from hdn.errors import InputError
-from hdn.networks.engine import Engine
 
 from .clips import frame_times, make_clip, number_of, numbered
 from .scenes import Scene, path
@@ -32,9 +31,8 @@ FRAMES = 20
 RATE = 10
 
 
-@pytest.fixture(autouse=True)
-def shared_networks(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracking, "Tracker", lambda *_, engine=engine: Tracker(engine=engine))
+pytestmark = pytest.mark.usefixtures("shared_networks")
+OPENCV = OutputOptions(backend="opencv")
 
 
 @pytest.fixture(scope="module")
@@ -69,9 +67,8 @@ def reds(file: Path) -> list[tuple[Fraction, np.ndarray]]:
 
 def test_follows_a_file_played_as_a_stream(clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
     out = tmp_path / "out.mp4"
-    options = Options(quad=truth[0], backend="opencv")
     started = time.monotonic()
-    result = replace_live(str(clip), [Surface(ad, options)], options, out)
+    result = LiveSession(str(clip), [Surface(ad, truth[0])]).run(out, options=OPENCV)
     assert time.monotonic() - started > (FRAMES - 1) / RATE  # at its own pace
     assert result.dropped is not None
     assert result.frames + result.dropped == FRAMES
@@ -111,8 +108,7 @@ def test_a_loss_fades_and_a_find_comes_back(ad: Path, truth: list[np.ndarray], t
     images = [scene.draw(scene.quad)] * 6 + [other.draw(None)] * 6 + [scene.draw(scene.quad)] * 6
     clip = make_clip(tmp_path / "cut.mp4", images, rate=8)
     out = tmp_path / "out.mp4"
-    options = Options(quad=scene.quad, backend="opencv")
-    result = replace_live(str(clip), [Surface(ad, options)], options, out)
+    result = LiveSession(str(clip), [Surface(ad, scene.quad)]).run(out, options=OPENCV)
     assert result.states["held"] == 0 < result.states["lost"]
     back = []
     with VideoReader(out) as reader:
@@ -129,24 +125,32 @@ def test_a_loss_fades_and_a_find_comes_back(ad: Path, truth: list[np.ndarray], t
 
 def test_end_and_effect(clip: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
     out = tmp_path / "o.mp4"
-    options = Options(quad=truth[0], backend="opencv", effect="outline", end=Moment(time=Fraction(1, 2)))
-    result = replace_live(str(clip), [Surface(None, options)], options, out)
+    session = LiveSession(str(clip), [Surface(quad=truth[0], effect="outline")])
+    result = session.run(out, TrackingOptions(end=Moment(time=Fraction(1, 2))), OPENCV)
     *before, last = frame_times(out)
     assert len(before) + 1 == result.frames
     assert all(at < 0.5 for at in before)
     assert last >= 0.5
 
 
-def test_ctrl_c_ends_it_with_a_finished_file(clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
+@pytest.mark.parametrize("by_ctrl_c", [False, True])
+def test_is_stopped_with_a_finished_file(
+    clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path, by_ctrl_c: bool
+) -> None:
     out = tmp_path / "out.mp4"
-    options = Options(quad=truth[0], backend="opencv")
 
-    def press(stage: str, done: int, total: int | None, state: str) -> None:
-        if done == 3:
+    def press(event: Progress) -> None:
+        if event.done == 3 and by_ctrl_c:
             signal.raise_signal(signal.SIGINT)
+        elif event.done == 3:
+            thread = Thread(target=session.stop)
+            thread.start()
+            thread.join()
 
     before = signal.getsignal(signal.SIGINT)
-    result = replace_live(str(clip), [Surface(ad, options)], options, out, press)
+    session = LiveSession(str(clip), [Surface(ad, truth[0])], press)
+    with stopped_by_signals(session.stop):
+        result = session.run(out, options=OPENCV)
     assert result.frames == 3
     assert len(reds(out)) == result.frames
     assert [p.name for p in tmp_path.iterdir()] == ["out.mp4"]
@@ -173,21 +177,22 @@ def test_a_stream_on_standard_output(clip: Path, ad: Path, truth: list[np.ndarra
     [("none.mp4", "none.mp4"), ("/dev/video77", "/dev/video77"), ("rtsp://127.0.0.1:9/x", "rtsp://127.0.0.1:9/x")],
 )
 def test_a_source_that_is_not_there(ad: Path, tmp_path: Path, source: str, message: str) -> None:
-    options = Options(quad=Scene().quad, backend="opencv")
     with pytest.raises(InputError, match=message):
-        replace_live(source, [Surface(ad, options)], options, tmp_path / "o.mp4")
+        LiveSession(source, [Surface(ad, Scene().quad)]).run(tmp_path / "o.mp4", options=OPENCV)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("surface", "options", "message"),
     [
-        (Options(), "--quad"),
-        (Options(quad=Scene().quad, audio="mix"), "no sound"),
-        (Options(quad=Scene().quad, start=Moment(frame=900)), "not reached"),
+        ({}, OPENCV, "--quad"),
+        ({"quad": Scene().quad}, OutputOptions(audio="mix"), "no sound"),
+        ({"quad": Scene().quad, "start": Moment(frame=900)}, OPENCV, "not reached"),
     ],
 )
-def test_refuses_what_live_use_cannot_do(clip: Path, ad: Path, tmp_path: Path, options: Options, message: str) -> None:
+def test_refuses_what_live_use_cannot_do(
+    clip: Path, ad: Path, tmp_path: Path, surface: dict[str, Any], options: OutputOptions, message: str
+) -> None:
     with pytest.raises(InputError, match=message):
-        live.replace_live(str(clip), [Surface(ad, options)], options, tmp_path / "o.mp4")
+        LiveSession(str(clip), [Surface(ad, **surface)]).run(tmp_path / "o.mp4", options=options)
     assert list(tmp_path.iterdir()) == []

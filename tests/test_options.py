@@ -4,7 +4,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ar_demo.options import Keyframe, Moment, Options, parse_quad
+from ar_demo.options import OutputOptions, TrackingOptions
+from ar_demo.surface import Keyframe, Moment, Surface, parse_quad
 from hdn.errors import InputError
 
 
@@ -62,16 +63,25 @@ def test_refuses_other_keyframes(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong",
+    ("kind", "wrong"),
     [
-        {"fit": "squeeze"},
-        {"opacity": 1.5},
-        {"feather": -1},
-        {"smooth": float("nan")},
-        {"crf": 99},
-        {"backend": "metal"},
+        (Surface, {"fit": "squeeze"}),
+        (Surface, {"blend": "burn"}),
+        (Surface, {"opacity": 1.5}),
+        (Surface, {"feather": -1}),
+        (Surface, {"flat": "yes"}),
+        (TrackingOptions, {"smooth": float("nan")}),
+        (TrackingOptions, {"device": "tpu"}),
+        (OutputOptions, {"crf": 99}),
+        (OutputOptions, {"backend": "metal"}),
     ],
 )
-def test_refuses_values_out_of_range(wrong: dict[str, Any]) -> None:
+def test_refuses_values_out_of_range(kind: type, wrong: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):
-        Options(**wrong)
+        kind(**wrong)
+
+
+@pytest.mark.parametrize("given", [{"ad": "a.mp4"}, {"fit": "cover"}, {"playback": "once"}, {"flat": True}])
+def test_an_effect_refuses_what_it_has_no_use_for(given: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=f"{next(iter(given))} does nothing with effect blur"):
+        Surface(effect="blur", **given)

@@ -1,200 +1,153 @@
-"""Command lines: `ar-replace` and `ar-track`, thin skins over the Python functions of the same names."""
+"""What the command lines do: thin skins over the Python functions of the same names."""
 
-import argparse
 import json
 import logging
 import sys
-from collections.abc import Sequence
+from argparse import Namespace
+from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from hdn.commandline import FAILED, Parser
+from hdn.commandline import DONE, FAILED
 
 from ..errors import InputError
-from ..live import replace_live
-from ..options import CHOICES, Keyframe, Moment, Options, parse_quad
-from ..pipeline import Surface, default_output, replace_surfaces
-from ..rendering.loop import check_output
-from ..track import Track
-from ..tracking.corrections import retrack
-from ..tracking.passes import track
-from ..tracking.smoothing import smooth
+from ..live import LiveSession
+from ..options import OutputOptions, TrackingOptions
+from ..pipeline import default_output, replace, track
+from ..results import Result
+from ..session import check_output
+from ..surface import Keyframe, Moment, Surface, parse_quad
+from ..tracking.corrections import needs_correction
+from ..tracks import Track
+from .applicability import STDOUT, check_applicable, flag
 from .bar import Bar
-from .jobs import load_job, placing
+from .jobs import Job, load_job
+from .stdio import standard_output, stopped_by_signals
+
+NO_SURFACE = "say where the surface is: --quad x,y x,y x,y x,y, or --track track.json"
 
 
-def replace_command(arguments: Sequence[str] | None) -> int:
-    parser = Parser(
-        prog="ar-replace",
-        description="Put an ad (video, image or animated image) on a planar surface of a video.",
-        epilog="Corners are pixels, x right and y down, in the frame that --start names. "
-        "Exit status: 0 done, 1 failed while working, 2 wrong input.",
-    )
-    parser.add_argument("input", help="the video; with --live a camera (0, /dev/video0), a URL, or a file")
-    parser.add_argument("ad", type=Path, nargs="?", help="video, image or animated image; not needed by some effects")
-    parser.add_argument("-o", "--output", type=Path, help="video to write (default: INPUT.ar.mp4 beside the input)")
-    parser.add_argument(
-        "--save-track", type=Path, metavar="JSON", help="also write the track; of several NAME.1.json ..."
-    )
-    parser.add_argument(
-        "--live",
-        action="store_true",
-        help="take frames as they come, dropping late ones, until Ctrl-C; -o is a file (default: live.mp4) or - for "
-        "MPEG-TS on standard output",
-    )
-    group = parser.add_argument_group("several surfaces")
-    group.add_argument(
-        "--surface",
-        nargs=5,
-        action="append",
-        metavar=("AD", "X,Y", "X,Y", "X,Y", "X,Y"),
-        help="an ad (- where the effect needs none) and its corners; once for each surface, later ones on top",
-    )
-    group.add_argument("--job", type=Path, metavar="JSON", help="surfaces with options of their own, see the README")
-    _add_tracking(parser, "render this track instead of tracking")
-    group = parser.add_argument_group("the ad")
-    group.add_argument(
-        "--fit", choices=CHOICES["fit"], default="stretch", help="how its shape is brought to the surface's"
-    )
-    playback = group.add_mutually_exclusive_group()
-    for name, value, text in (
-        ("--loop", "loop", "start a moving ad again when it is over (default)"),
-        ("--hold-last", "hold", "hold its last frame"),
-        ("--once", "once", "play it once, then show the surface"),
-    ):
-        playback.add_argument(name, dest="playback", action="store_const", const=value, default="loop", help=text)
-    group.add_argument("--opacity", type=float, default=1.0, metavar="0..1")
-    group.add_argument("--feather", type=float, default=0.0, metavar="PX", help="soft edge, px of the frame")
-    group.add_argument("--lost", choices=CHOICES["lost"], default="fade", help="the ad while the surface is lost")
-    group.add_argument(
-        "--flat", action="store_true", help="lay the ad on as it is: not lit, blurred and hidden as the surface is"
-    )
-    group.add_argument("--effect", choices=CHOICES["effect"], default="replace", help="all but replace need no ad")
-    group = parser.add_argument_group("the output")
-    group.add_argument("--audio", choices=CHOICES["audio"], default="source", help="whose sound")
-    group.add_argument("--backend", choices=CHOICES["backend"], default="auto", help="what composites")
-    group.add_argument("--crf", type=float, help="quality, lower is better")
-    group.add_argument("--codec", help="encoder by FFmpeg's name, such as libx264 or libx265")
-    _add_common(parser)
-    chosen = parser.parse_args(arguments)
-    _set_up_logging(chosen.quiet)
-
-    options = _options(chosen)
-    surfaces = _surfaces(chosen, options)
-    with Bar(chosen.quiet) as bar:
-        if chosen.live:
-            if chosen.save_track:
-                raise InputError("live tracks are not kept: leave --save-track out")
-            result = replace_live(chosen.input, surfaces, options, chosen.output or Path("live.mp4"), bar)
+def replace_command(given: Namespace) -> int:
+    """ar-replace, by what is given on its command line."""
+    _set_up_logging("quiet" in given)
+    check_applicable(given)
+    job = load_job(given.job) if "job" in given else None
+    tracking = TrackingOptions(**(job.tracking_options() if job else {}) | _of(TrackingOptions, given))
+    options = OutputOptions(**(job.output_options() if job else {}) | _of(OutputOptions, given))
+    surfaces = _surfaces(given, job)
+    _check_tracked(given, surfaces)
+    input = _either("input", given, job.input if job else None)
+    if input is None:
+        raise InputError("name the video: ar-replace VIDEO AD --quad ...")
+    output = _either("output", given, job.output if job else None)
+    save_track = _either("save_track", given, job.save_track if job else None)
+    with Bar("quiet" in given) as bar:
+        if "live" in given:
+            result = _live(str(input), surfaces, output, tracking, options, bar)
         else:
-            output = chosen.output or default_output(Path(chosen.input))
-            result = replace_surfaces(chosen.input, surfaces, options, output, bar, chosen.save_track)
-    if chosen.json:
+            result = replace(input, surfaces, output or default_output(Path(input)), tracking, options, bar, save_track)
+    if "json" in given:
         print(json.dumps(result.summary()))
     else:
-        dropped = "" if result.dropped is None else f", {result.dropped} dropped"
-        print(
-            f"{result.output}: {result.frames} frames ({_in_words(result.states)}), "
-            f"{result.fps:.1f} frames/s{dropped}, {result.compositor}"
-        )
-        for number, surface in enumerate(result.surfaces if len(result.surfaces) > 1 else [], 1):
-            print(f"  surface {number}, {surface['ad'] or 'no ad'}: {_in_words(surface['states'])}")
-    return _warn(result.warnings, chosen.strict)
+        _print(result)
+    return _warn(result.warnings, "strict" in given)
 
 
-def track_command(arguments: Sequence[str] | None) -> int:
-    parser = Parser(prog="ar-track", description="Track a planar surface of a video and write the track as JSON.")
-    parser.add_argument("input", type=Path, help="the video")
-    parser.add_argument("-o", "--output", type=Path, help="track file to write (default: INPUT.track.json)")
-    _add_tracking(parser, "correct this track: track anew only next to keyframes that are new to it")
-    _add_common(parser)
-    chosen = parser.parse_args(arguments)
-    _set_up_logging(chosen.quiet)
-    known = Track.load(chosen.track) if chosen.track else None
-    if known is None and chosen.quad is None:
-        raise InputError("say where the surface is: --quad x,y x,y x,y x,y, or --track track.json")
-    options = _options(chosen)
-    output = chosen.output or chosen.input.with_name(f"{chosen.input.stem}.track.json")
-    check_output(output, options, chosen.input)
-    with Bar(chosen.quiet) as bar:
-        if known is not None:
-            result = retrack(chosen.input, known, options.keyframes, options, bar)
-        else:
-            result = smooth(track(chosen.input, options, bar), options.smooth)
+def track_command(given: Namespace) -> int:
+    """ar-track, by what is given on its command line."""
+    _set_up_logging("quiet" in given)
+    check_applicable(given)
+    [surface] = _surfaces(given, None)
+    _check_tracked(given, [surface])
+    output = given.output if "output" in given else given.input.with_name(f"{given.input.stem}.track.json")
+    check_output(output, OutputOptions(overwrite="overwrite" in given), given.input)
+    with Bar("quiet" in given) as bar:
+        result = track(given.input, surface, TrackingOptions(**_of(TrackingOptions, given)), bar)
     result.save(output)
-    summary = {"output": str(output), "frames": len(result), "states": result.counts, "warnings": result.warnings}
-    if chosen.json:
+    if "json" in given:
+        summary = {"output": str(output), "frames": len(result), "states": result.counts, "warnings": result.warnings}
         print(json.dumps(summary))
     else:
-        print(f"{output}: {len(result)} frames ({_in_words(result.counts)})")
-    return _warn(result.warnings, chosen.strict)
+        print(f"{output}: {_counted(len(result), 'frame')} ({_in_words(result.counts)})")
+    return _warn(result.warnings, "strict" in given)
 
 
-def _add_tracking(parser: argparse.ArgumentParser, use_of_track: str) -> None:
-    group = parser.add_argument_group("the surface")
-    group.add_argument(
-        "--quad", nargs=4, metavar="X,Y", help="its corners: top-left, top-right, bottom-right, bottom-left of the ad"
-    )
-    group.add_argument(
-        "--start", default="0", metavar="WHEN", help="frame of the quad: number (120) or time (4.5s, 0:04.5)"
-    )
-    group.add_argument("--track", type=Path, metavar="JSON", help=use_of_track)
-    group.add_argument(
-        "--keyframe",
-        action="append",
-        default=[],
-        metavar="WHEN:X,Y,X,Y,X,Y,X,Y",
-        help="corners in another frame, which the track passes through; may be repeated",
-    )
-    group.add_argument("--end", metavar="WHEN", help="last frame; later ones are left out")
-    group.add_argument(
-        "--smooth", type=float, default=1.0, metavar="X", help="0 off, 1 by the track's noise, more is stronger"
-    )
-    group.add_argument("--device", choices=CHOICES["device"], default="auto", help="what runs the networks")
-    group.add_argument("--weights", type=Path, help="another weights file (.safetensors)")
+def _live(
+    source: str,
+    surfaces: list[Surface],
+    output: Any,
+    tracking: TrackingOptions,
+    options: OutputOptions,
+    bar: Bar,
+) -> Result:
+    with ExitStack() as stack:
+        session = LiveSession(source, surfaces, bar)
+        sink = stack.enter_context(standard_output()) if output == STDOUT else output or Path("live.mp4")
+        stack.enter_context(stopped_by_signals(session.stop))
+        return session.run(sink, tracking, options)
 
 
-def _add_common(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--overwrite", action="store_true", help="replace an existing output")
-    parser.add_argument(
-        "--strict", action="store_true", help="exit with 1 where there was a warning, as for a damaged input"
-    )
-    parser.add_argument("--quiet", action="store_true", help="no progress, no log")
-    parser.add_argument("--json", action="store_true", help="print a machine-readable summary")
+def _of(kind: type, given: Namespace) -> dict[str, Any]:
+    """What is given of a dataclass of options, each value as its field takes it."""
+    values = {f.name: getattr(given, f.name) for f in fields(kind) if f.name in given}
+    for name in ("start", "end"):
+        if name in values:
+            values[name] = Moment.parse(values[name])
+    if "quad" in values:
+        values["quad"] = parse_quad(values["quad"])
+    if "track" in values:
+        values["track"] = Track.load(values["track"])
+    return values
 
 
-def _options(chosen: argparse.Namespace) -> Options:
-    """The parsed arguments that are options, by name."""
-    given: dict[str, Any] = {f.name: getattr(chosen, f.name) for f in fields(Options) if hasattr(chosen, f.name)}
-    given["quad"] = parse_quad(chosen.quad) if chosen.quad else None
-    given["start"] = Moment.parse(chosen.start)
-    given["end"] = Moment.parse(chosen.end) if chosen.end else Moment()
-    given["keyframes"] = tuple(map(Keyframe.parse, chosen.keyframe))
-    return Options(**given)
-
-
-def _surfaces(chosen: argparse.Namespace, options: Options) -> list[Surface]:
-    """The surfaces in whichever of three ways they are given: --quad or --track, --surface, --job."""
-    single = [name for name in ("ad", "quad", "track", "keyframe") if getattr(chosen, name)]
-    several = [name for name in ("surface", "job") if getattr(chosen, name)]
-    if len(several) + bool(several and single) > 1:
-        given = ", ".join(name if name == "ad" else f"--{name}" for name in [*single, *several])
-        raise InputError(f"{given} do not go together: give one surface, or several by --surface or by --job")
-    if chosen.job:
-        return load_job(chosen.job, options)
-    if chosen.surface:
+def _surfaces(given: Namespace, job: Job | None) -> list[Surface]:
+    """The surfaces in whichever way they are given: --quad or --track, --surface, --job."""
+    values = _of(Surface, given)
+    if job is not None:
+        return job.surfaces_with(values)
+    if "surface" in given:
         return [
-            Surface(None if ad == "-" else Path(ad), placing(options, quad=parse_quad(corners)))
-            for ad, *corners in chosen.surface
+            Surface(**values | {"ad": None if ad == "-" else Path(ad), "quad": parse_quad(corners)})
+            for ad, *corners in given.surface
         ]
-    known = Track.load(chosen.track) if chosen.track else None
-    if known is None and chosen.quad is None:
-        raise InputError("say where the surface is: --quad x,y x,y x,y x,y, or --track track.json")
-    return [Surface(chosen.ad, options, known)]
+    if "keyframe" in given:
+        values["keyframes"] = tuple(map(Keyframe.parse, given.keyframe))
+    if "quad" not in values and "track" not in values:
+        raise InputError(NO_SURFACE)
+    return [Surface(**values)]
 
 
-def _in_words(states: dict[str, int]) -> str:
+def _check_tracked(given: Namespace, surfaces: list[Surface]) -> None:
+    """Raises InputError for options of tracking where nothing is to be tracked."""
+    if all(s.track is not None and not needs_correction(s.track, s.keyframes) for s in surfaces):
+        for name in ("smooth", "device", "weights"):
+            if name in given:
+                raise InputError(f"{flag(name)} does nothing, for the track is complete: leave it out")
+
+
+def _either(name: str, given: Namespace, in_job: Any) -> Any:
+    """A file that the command line or the job file names, None for neither; the command line's counts."""
+    return getattr(given, name, in_job)
+
+
+def _print(result: Result) -> None:
+    dropped = "" if result.dropped is None else f", {result.dropped} dropped"
+    states = _in_words(result.states) if len(result.surfaces) == 1 else _counted(len(result.surfaces), "surface")
+    print(
+        f"{result.output}: {_counted(result.frames, 'frame')} ({states}), "
+        f"{result.fps:.1f} frames/s{dropped}, {result.compositor}"
+    )
+    for number, surface in enumerate(result.surfaces if len(result.surfaces) > 1 else [], 1):
+        print(f"  surface {number}, {surface['ad'] or 'no ad'}: {_in_words(surface['states'])}")
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" + ("" if count == 1 else "s")
+
+
+def _in_words(states: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {state}" for state, count in states.items())
 
 
@@ -210,4 +163,4 @@ def _set_up_logging(quiet: bool) -> None:
 def _warn(warnings: list[str], strict: bool) -> int:
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    return FAILED if warnings and strict else 0
+    return FAILED if warnings and strict else DONE

@@ -1,18 +1,30 @@
-"""Entry points of the command lines. What they need is loaded inside `run`, which knows what to do with Ctrl-C."""
+"""Entry points of the command lines. What they need beyond parsing is loaded once there is something to do."""
 
 import sys
-from collections.abc import Sequence
+from argparse import Namespace
+from collections.abc import Callable, Sequence
 
-from hdn.commandline import run
+from hdn.commandline import Parser, load, run
+
+from .parsers import replace_parser, track_parser
 
 LEFT_BEHIND = "nothing was written"
 
 
 def replace_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-replace."""
-    sys.exit(run("ar_demo.cli.commands:replace_command", arguments, LEFT_BEHIND))
+    _main(replace_parser(), "ar_demo.cli.commands:replace_command", arguments)
 
 
 def track_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-track."""
-    sys.exit(run("ar_demo.cli.commands:track_command", arguments, LEFT_BEHIND))
+    _main(track_parser(), "ar_demo.cli.commands:track_command", arguments)
+
+
+def _main(parser: Parser, command: str, arguments: Sequence[str] | None) -> None:
+    def parse_and_do(arguments: Sequence[str] | None) -> int:
+        chosen = parser.parse_args(arguments)
+        do: Callable[[Namespace], int] = load(command, LEFT_BEHIND)
+        return do(chosen)
+
+    sys.exit(run(parse_and_do, arguments, LEFT_BEHIND))

@@ -1,73 +1,185 @@
-"""The job file: several surfaces of one video, each with its own ad, as JSON.
+"""The job file, version 1: a video, its surfaces with their ads, and how all is tracked and written, as JSON.
 
-    {"surfaces": [
+    {"version": 1,
+     "input": "street.mp4", "output": "out.mp4", "save_track": "tracks.json",
+     "tracking": {"end": "20s", "smooth": 1.0},
+     "rendering": {"audio": "mix", "crf": 20},
+     "surfaces": [
         {"ad": "shop.mp4", "quad": [[476, 128], [759, 122], [759, 480], [482, 476]]},
-        {"ad": "sale.png", "quad": [[90, 60], [210, 64], [208, 170], [88, 160]], "start": "4.5s", "fit": "contain",
+        {"ad": "sale.png", "quad": "90,60 210,64 208,170 88,160", "start": "4.5s", "fit": "contain",
          "keyframes": [{"frame": 120, "corners": [[95, 61], [214, 66], [212, 171], [93, 162]]}]},
         {"effect": "blur", "track": "plate.track.json"}]}
 
-A surface may have "ad", "track" and the fields of `Placing`; what it does not say is as on the command line. Files are
-looked for beside the job file.
+Only "version" and "surfaces" are needed: what the file does not say is as on the command line, where files that are
+named count before the job's. Files are looked for beside the job file. `job.schema.json`, which
+`python -m ar_demo.cli.jobs` writes, is its JSON Schema.
 """
 
 import json
-from dataclasses import fields
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
+import msgspec
+from msgspec import UNSET, Meta, Struct, UnsetType
+
+from ..choices import AudioMode, Backend, Blend, Depth, Device, Effect, Fit, Lost, Playback
 from ..errors import InputError
-from ..options import Keyframe, Moment, Options, Placing, parse_quad
-from ..pipeline import Surface
-from ..track import Track
+from ..surface import Keyframe, Moment, Surface, parse_quad
+from ..tracks import Track
 
-PLACING = tuple(field.name for field in fields(Placing))
+SCHEMA = Path(__file__).with_name("job.schema.json")
+
+Corners = str | list[tuple[float, float]]  # "x,y x,y x,y x,y", or four pairs of numbers
+When = Annotated[int, Meta(ge=0)] | str  # a frame's number, or a time as "4.5s"
+NotNegative = Annotated[float, Meta(ge=0)]
 
 
-def load_job(path: Path, common: Options) -> list[Surface]:
-    """Reads the surfaces of a job file; `common` has what they do not say.
+class KeyframeEntry(Struct, forbid_unknown_fields=True):
+    """Corners in another frame than the surface's first."""
+
+    frame: When
+    corners: Corners
+
+
+class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """A surface and what is laid on it; the fields are those of `Surface`."""
+
+    ad: str | UnsetType | None = UNSET
+    quad: Corners | UnsetType = UNSET
+    start: When | UnsetType = UNSET
+    keyframes: list[KeyframeEntry] | UnsetType = UNSET
+    track: str | UnsetType = UNSET
+    fit: Fit | UnsetType = UNSET
+    playback: Playback | UnsetType = UNSET
+    blend: Blend | UnsetType = UNSET
+    opacity: Annotated[float, Meta(ge=0, le=1)] | UnsetType = UNSET
+    feather: NotNegative | UnsetType = UNSET
+    lost: Lost | UnsetType = UNSET
+    effect: Effect | UnsetType = UNSET
+    flat: bool | UnsetType = UNSET
+
+    def surface(self, folder: Path, common: Mapping[str, Any]) -> Surface:
+        """The surface; `common` has what is not said here.
+
+        Raises:
+            InputError: corners, a frame or a file that cannot be read, or options that do not go together.
+        """
+        given = _given(self)
+        if given.get("ad"):
+            given["ad"] = folder / given["ad"]
+        if "quad" in given:
+            given["quad"] = parse_quad(given["quad"])
+        if "start" in given:
+            given["start"] = Moment.parse(given["start"])
+        if "keyframes" in given:
+            entries: list[KeyframeEntry] = given["keyframes"]
+            given["keyframes"] = tuple(Keyframe(Moment.parse(k.frame), parse_quad(k.corners)) for k in entries)
+        if "track" in given:
+            given["track"] = Track.load(folder / given["track"])
+        elif "quad" not in given:
+            raise InputError("it has neither quad nor track: give its corners")
+        return Surface(**dict(common) | given)
+
+
+class TrackingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """How the surfaces are tracked; the fields are those of `TrackingOptions`."""
+
+    end: When | UnsetType = UNSET
+    smooth: NotNegative | UnsetType = UNSET
+    device: Device | UnsetType = UNSET
+    weights: str | UnsetType = UNSET
+
+
+class RenderingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """How the output is drawn and written; the fields are those of `OutputOptions`."""
+
+    audio: AudioMode | UnsetType = UNSET
+    backend: Backend | UnsetType = UNSET
+    codec: str | UnsetType = UNSET
+    crf: Annotated[float, Meta(ge=0, le=63)] | UnsetType = UNSET
+    depth: Depth | UnsetType = UNSET
+    overwrite: bool | UnsetType = UNSET
+
+
+class JobEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """A whole job: see the module."""
+
+    version: Literal[1]
+    surfaces: Annotated[list[SurfaceEntry], Meta(min_length=1)]
+    input: str | UnsetType = UNSET
+    output: str | UnsetType = UNSET
+    save_track: str | UnsetType = UNSET
+    tracking: TrackingEntry = msgspec.field(default_factory=TrackingEntry)
+    rendering: RenderingEntry = msgspec.field(default_factory=RenderingEntry)
+
+
+class Job:
+    """A job file that was read.
+
+    Attributes:
+        input, output, save_track: files, None where it does not name one.
+    """
+
+    def __init__(self, path: Path, entry: JobEntry) -> None:
+        self._path, self._entry = path, entry
+        self.input, self.output, self.save_track = (
+            None if name is UNSET else path.parent / name for name in (entry.input, entry.output, entry.save_track)
+        )
+
+    def surfaces_with(self, common: Mapping[str, Any]) -> list[Surface]:
+        """The surfaces; `common` has what they do not say, by the names of `Surface`'s fields.
+
+        Raises:
+            InputError: one that is not as described; the message says which.
+        """
+        found = []
+        for number, entry in enumerate(self._entry.surfaces):
+            try:
+                found.append(entry.surface(self._path.parent, common))
+            except InputError as error:
+                raise InputError(f"{self._path}: {error} - at `$.surfaces[{number}]`") from error
+        return found
+
+    def tracking_options(self) -> dict[str, Any]:
+        """What the job says of `TrackingOptions`."""
+        given = _given(self._entry.tracking)
+        if "end" in given:
+            given["end"] = Moment.parse(given["end"])
+        if "weights" in given:
+            given["weights"] = self._path.parent / given["weights"]
+        return given
+
+    def output_options(self) -> dict[str, Any]:
+        """What the job says of `OutputOptions`."""
+        return _given(self._entry.rendering)
+
+
+def load_job(path: Path) -> Job:
+    """Reads a job file.
 
     Raises:
-        InputError: not a job file, or a surface in it that is not as described.
+        InputError: it cannot be read, is no JSON, or is not as described; the message has the path of what is wrong.
     """
     try:
-        content = json.loads(path.read_text())
+        return Job(path, msgspec.json.decode(path.read_bytes(), type=JobEntry))
     except OSError as error:
         raise InputError(f"cannot read job file {path}: {error.strerror}") from error
-    except ValueError as error:
+    except msgspec.ValidationError as error:
+        raise InputError(f"{path} is not as a job file must be: {error}; see the README for its form") from error
+    except msgspec.DecodeError as error:
         raise InputError(f"{path} is not a job file (not JSON): see the README for its form") from error
-    surfaces = content.get("surfaces") if isinstance(content, dict) else None
-    if not isinstance(surfaces, list) or not surfaces or not all(isinstance(s, dict) for s in surfaces):
-        raise InputError(f'{path} is not a job file: it must be {{"surfaces": [{{"ad": ..., "quad": ...}}, ...]}}')
-    found = []
-    for number, given in enumerate(surfaces, 1):
-        try:
-            found.append(_surface(given, path.parent, common))
-        except InputError as error:
-            raise InputError(f"surface {number} of {path}: {error}") from error
-        except (KeyError, TypeError, ValueError) as error:
-            reason = f"{type(error).__name__}: {error}".replace("\n", " ")
-            raise InputError(f"surface {number} of {path} is not as it must be ({reason}): see the README") from error
-    return found
 
 
-def placing(common: Options, **given: Any) -> Placing:
-    """What the options say of a surface, but for what is given."""
-    return Placing(**{name: getattr(common, name) for name in PLACING} | given)
+def schema() -> str:
+    """The JSON Schema of job files, as it is kept beside this module."""
+    return json.dumps(msgspec.json.schema(JobEntry), indent=2) + "\n"
 
 
-def _surface(given: dict[str, Any], folder: Path, common: Options) -> Surface:
-    if unknown := given.keys() - {"ad", "track", *PLACING}:
-        raise InputError(f"'{min(unknown)}' is unknown: choose ad, track, {', '.join(PLACING)}")
-    values = {name: value for name, value in given.items() if name in PLACING}
-    if "quad" in values:
-        values["quad"] = parse_quad(values["quad"])
-    if "start" in values:
-        values["start"] = Moment.parse(values["start"])
-    if "keyframes" in values:
-        values["keyframes"] = tuple(
-            Keyframe(Moment.parse(k["frame"]), parse_quad(k["corners"])) for k in values["keyframes"]
-        )
-    track = Track.load(folder / given["track"]) if "track" in given else None
-    if track is None and "quad" not in values:
-        raise InputError("it has neither quad nor track: give its corners")
-    return Surface(folder / given["ad"] if given.get("ad") else None, placing(common, **values), track)
+def _given(entry: Struct) -> dict[str, Any]:
+    """The fields of an entry that were said."""
+    return {name: value for name in entry.__struct_fields__ if (value := getattr(entry, name)) is not UNSET}
+
+
+if __name__ == "__main__":
+    SCHEMA.write_text(schema(), encoding="utf-8")

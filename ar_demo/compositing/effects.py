@@ -8,7 +8,7 @@ from hdn.imaging.arrays import Array
 from hdn.imaging.homography import from_corners
 from hdn.imaging.quads import square
 
-from ..options import Effect
+from ..choices import Effect
 
 Image = NDArray[np.uint8]
 

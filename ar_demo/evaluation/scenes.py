@@ -7,7 +7,7 @@ from dataclasses import replace as changed
 from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,13 +18,14 @@ from hdn.tracker import State
 
 from ..errors import InputError, RunError
 from ..media.reader import VideoReader
-from ..options import Moment, Options
+from ..options import OutputOptions, TrackingOptions
 from ..pipeline import replace
-from ..track import Source, Track
+from ..surface import Moment, Surface
+from ..tracks import Source, Track
 from .quality import plain_warp, quality
 
 COMPOSITES = ("ours", "true corners", "plain warp")
-LOSSLESS: dict[str, Any] = {"codec": "libx264rgb", "crf": 0.0, "audio": "none"}
+LOSSLESS = OutputOptions(codec="libx264rgb", crf=0.0, audio="none")
 CELL = 320, 220  # px of a picture in a row
 
 
@@ -146,12 +147,12 @@ def evaluate(scene: Scene, weights: Path | None) -> tuple[Scores, dict[str, Imag
         InputError, RunError: see `replace`.
     """
     last = Moment(frame=len(scene.corners) - 1)
-    ours = Options(quad=scene.corners[0], end=last, weights=weights, **LOSSLESS)
-    truth = Options(quad=scene.corners[0], lost="hide", **LOSSLESS)
+    ours, truth = Surface(scene.ad, scene.corners[0]), Surface(scene.ad, track=scene.true_track(), lost="hide")
+    tracking = TrackingOptions(end=last, weights=weights)
     with TemporaryDirectory() as name:
         folder = Path(name)
-        result = replace(scene.clip, scene.ad, ours, folder / "ours.mkv", save_track=folder / "track.json")
-        replace(scene.clip, scene.ad, truth, folder / "true_corners.mkv", known_track=scene.true_track())
+        result = replace(scene.clip, ours, folder / "ours.mkv", tracking, LOSSLESS, save_track=folder / "track.json")
+        replace(scene.clip, truth, folder / "true_corners.mkv", options=LOSSLESS)
         frames = np.full((len(scene.corners), len(COMPOSITES), 4), np.nan)
         for index, pictures in enumerate(_pictures(scene, folder)):
             if np.isfinite(scene.corners[index]).all():

@@ -90,6 +90,16 @@ class VideoReader(Closing):
         self._complete = False  # whether the whole file has been decoded
         self.info = self._probe()
 
+    @property
+    def times(self) -> list[Fraction]:
+        """Times of the frames, seconds, as far as they are known."""
+        return self._times
+
+    @property
+    def seekable(self) -> bool:
+        """Whether all times are known, and late frames are reached without decoding those before them."""
+        return False
+
     def close(self) -> None:
         """Closes what unfinished iterations hold open."""
         for container in self._containers:

@@ -1,7 +1,5 @@
 """Where frames go that are no file: a stream to another program."""
 
-import os
-import sys
 from fractions import Fraction
 from types import TracebackType
 from typing import Any, BinaryIO, Self, cast
@@ -11,7 +9,7 @@ from av.video.stream import VideoStream
 
 from hdn.imaging.arrays import Image
 
-from ..errors import InputError, RunError
+from ..errors import RunError
 from . import color
 
 
@@ -70,12 +68,3 @@ class _Flushed:
         self._pipe.write(data)
         self._pipe.flush()
         return len(data)
-
-
-def standard_output() -> BinaryIO:
-    """Where a stream goes; what is printed meanwhile goes to stderr, so that it does not get in between."""
-    if sys.stdout.isatty():
-        raise InputError("the output - is a terminal: lead it into a program or a file, as in | ffplay -")
-    pipe = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    sys.stdout = sys.stderr
-    return pipe

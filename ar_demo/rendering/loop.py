@@ -1,146 +1,94 @@
-"""The render loop: ads onto their tracked surfaces, frame by frame, into a video."""
+"""The render loop: ads onto their tracked surfaces, frame by frame."""
 
-import time
-from collections.abc import Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from fractions import Fraction
+from typing import Any
 
 from hdn.imaging.arrays import Image
 
+from ..choices import Backend
 from ..errors import InputError
-from ..media.audio import Audio
-from ..media.reader import VideoReader
-from ..media.writer import VideoWriter
-from ..options import Options, Placing
-from ..progress import Progress, silent
-from ..results import Result, total
+from ..media.reader import Frame, VideoReader
 from ..scene.conditions import Appearance, Conditions
-from ..track import Track
+from ..surface import Surface
+from ..tracks import Track
 from .painting import Painter
 from .presentation import presentation
 
 
-@dataclass(frozen=True)
-class Layer:
-    """An ad, or an effect that needs none, on one tracked surface."""
-
-    ad: Path | str | None
-    track: Track
-    placing: Placing
-
-
-def render(
-    input: Path | str,
-    ad: Path | str | None,
-    track: Track,
-    output: Path | str,
-    options: Options,
-    progress: Progress = silent,
-) -> Result:
-    """Lays an ad, or an effect, on the tracked surface of a video and writes the result.
-
-    Args:
-        ad: video, image or animated image; None where `options.effect` needs none.
-        track: of this video, smoothed or not.
+class _Drawn:
+    """A tracked surface on its way into frames.
 
     Raises:
-        InputError: files that cannot be read, a track of another video, an output that exists, unknown codec.
-        RunError: the output cannot be written, the compositing backend is not available.
+        InputError: no ad, or not one that can be read. RunError: the backend is not available.
     """
-    return render_layers(input, [Layer(ad, track, options)], output, options, progress)
 
-
-def render_layers(
-    input: Path | str, layers: Sequence[Layer], output: Path | str, options: Options, progress: Progress = silent
-) -> Result:
-    """Lays several ads on a video, which is decoded once; later ones lie over earlier ones. See `render`.
-
-    The sound of the ad, where `options.audio` asks for it, is the first ad's.
-    """
-    started = time.perf_counter()
-    output = Path(output)
-    check_output(output, options, input, *(layer.ad for layer in layers))
-    with ExitStack() as stack:
-        reader = stack.enter_context(VideoReader(input))
-        info = reader.info
-        painters, looks, poses, opacities = [], [], [], []
-        for layer in layers:
-            layer.track.check_belongs_to(Path(input), info.width, info.height)
-            painter = Painter(layer.ad, layer.placing, layer.track.quad, (info.width, info.height), options.backend)
-            painters.append(stack.enter_context(painter))
-            looks.append(_Look(reader, layer))
-            where, strength = presentation(layer.track, layer.placing)
-            poses.append(where)
-            opacities.append(strength)
-        heard = next((layer for layer in layers if layer.ad is not None), layers[0])
-        audio = Audio(options.audio, Path(input), Path(heard.ad) if heard.ad else None, heard.placing.playback)
-        writer = stack.enter_context(
-            VideoWriter(
-                output,
-                info.width,
-                info.height,
-                info.rate,
-                codec=options.codec,
-                crf=options.crf,
-                audio=audio,
-                time_base=info.time_base,
-                pixel_aspect=info.pixel_aspect,
-            )
-        )
-        first = None
-        count, length = 0, max(len(layer.track) for layer in layers)
-        for frame in reader.frames(0, length):
-            first = frame.time if first is None else first
-            i = frame.index
-            seen = [look.at(i, frame.image) for look in looks]  # before anything is drawn
-            for painter, where, strength, conditions in zip(painters, poses, opacities, seen, strict=True):
-                if i < len(where):
-                    painter.draw(frame.image, where[i], float(strength[i]), frame.time - first, conditions)
-            writer.write(frame.image, frame.time, frame.duration)
-            count += 1
-            progress("render", count, length, layers[0].track.states[i] if i < len(layers[0].track) else "")
-        warnings = [w for layer in layers for w in layer.track.warnings] + reader.warnings
-        if count < length:
-            warnings.append(f"{input} has only {count} of the track's {length} frames: the rest is left out")
-        description = painters[0].description
-    return Result(
-        output,
-        count,
-        total(layer.track.counts for layer in layers),
-        time.perf_counter() - started,
-        description,
-        list(dict.fromkeys([*warnings, *audio.warnings])),
-        [{"ad": layer.ad and str(layer.ad), "states": layer.track.counts} for layer in layers],
-    )
-
-
-class _Look:
-    """How a layer's surface looks in frame after frame; nothing is told where its placing is flat or it needs no ad."""
-
-    def __init__(self, reader: VideoReader, layer: Layer) -> None:
-        self._track = layer.track
+    def __init__(self, surface: Surface, track: Track, reader: VideoReader, backend: Backend) -> None:
+        self.track = track
+        self.painter = Painter(surface, track.quad, (reader.info.width, reader.info.height), backend)
+        self._poses, self._opacities = presentation(track, surface)
         self._appearance: Appearance | None = None
-        if not layer.placing.in_scene:
-            return
-        at = layer.track.reference_frame
-        for frame in reader.frames(at, at + 1):
-            self._appearance = Appearance(frame.image, layer.track.quad)
+        if surface.in_scene:
+            at = track.reference_frame
+            for frame in reader.frames(at, at + 1):
+                self._appearance = Appearance(frame.image, track.quad)
 
-    def at(self, index: int, image: Image) -> Conditions | None:
-        """The conditions in a frame (H, W, 3) of this index; None where nothing is told."""
-        track, appearance = self._track, self._appearance
-        if appearance is None or index >= len(track):
+    def conditions(self, index: int, image: Image) -> Conditions | None:
+        """Under which the surface is seen in a frame (H, W, 3) of this index; None where nothing is told."""
+        track = self.track
+        if self._appearance is None or index >= len(track):
             return None
         lost, cut = track.states[index] == "lost", index in track.cuts
-        return appearance.conditions(image, track.corners[index], float(track.deviation[index]), lost, cut)
+        return self._appearance.conditions(image, track.corners[index], float(track.deviation[index]), lost, cut)
+
+    def draw(self, frame: Frame, elapsed: Fraction, conditions: Conditions | None) -> None:
+        """Draws into the frame; elapsed: seconds since the video began."""
+        if frame.index < len(self._poses):
+            pose, opacity = self._poses[frame.index], float(self._opacities[frame.index])
+            self.painter.draw(frame.image, pose, opacity, elapsed, conditions)
 
 
-def check_output(output: Path, options: Options, *inputs: Path | str | None) -> None:
-    """Raises InputError where the output may not be written: it exists, is an input, or its folder is missing."""
-    if not output.parent.is_dir():
-        raise InputError(f"the output folder {output.parent} does not exist: make it first")
-    if any(source is not None and Path(source).resolve() == output.resolve() for source in inputs):
-        raise InputError(f"{output} is an input as well: choose another output with -o")
-    if output.exists() and not options.overwrite:
-        raise InputError(f"{output} exists already: choose another output with -o, or give --overwrite")
+class Renderer(AbstractContextManager["Renderer"]):
+    """Draws ads onto the tracked surfaces of a video; later ones lie over earlier ones."""
+
+    def __init__(self, reader: VideoReader, surfaces: Sequence[Surface], backend: Backend) -> None:
+        """Args:
+            surfaces: with their tracks.
+            backend: what draws.
+
+        Raises:
+            InputError: an ad that cannot be read, a surface without a track.
+            RunError: the backend is not available.
+        """
+        self._reader = reader
+        self._drawn: list[_Drawn] = []
+        with ExitStack() as opened:  # closed where one of them fails
+            for surface in surfaces:
+                if surface.track is None:
+                    raise InputError("a surface has no track yet: track it first")
+                drawn = _Drawn(surface, surface.track, reader, backend)
+                opened.enter_context(drawn.painter)
+                self._drawn.append(drawn)
+            self._opened = opened.pop_all()
+
+    def __exit__(self, *error: Any) -> None:
+        self._opened.close()
+
+    @property
+    def description(self) -> str:
+        """What draws: backend and renderer."""
+        return self._drawn[0].painter.description
+
+    @property
+    def length(self) -> int:
+        """Frames of the longest track."""
+        return max(len(drawn.track) for drawn in self._drawn)
+
+    def draw(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """Frames from the video, in their order, with the ads on them: they are drawn into in place."""
+        for frame in frames:
+            seen = [drawn.conditions(frame.index, frame.image) for drawn in self._drawn]  # before anything is drawn
+            for drawn, conditions in zip(self._drawn, seen, strict=True):
+                drawn.draw(frame, frame.time - self._reader.times[0], conditions)
+            yield frame

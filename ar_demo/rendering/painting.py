@@ -1,7 +1,6 @@
 """Drawing of one surface's ad, or effect, into frames: lit and blurred as the surface is, behind what hides it."""
 
 from fractions import Fraction
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,6 +10,7 @@ from hdn.imaging.blur import blurred
 from hdn.imaging.homography import from_corners
 from hdn.imaging.quads import outline
 
+from ..choices import Backend
 from ..closing import Closing
 from ..compositing.compositor import open_compositor
 from ..compositing.effects import draw_outline, texture
@@ -18,9 +18,9 @@ from ..compositing.fit import fit_region, quad_aspect
 from ..compositing.raster import WHOLE
 from ..errors import InputError
 from ..media.ad import Ad, open_ad
-from ..options import Backend, Placing
 from ..scene.conditions import Conditions
 from ..scene.light import GRID, Light, as_it_was
+from ..surface import Surface
 
 USUAL = 0.004  # by which light may differ from the reference frame's without a picture being lit anew
 THIN = 0.2  # px^2, the least variance of a blur, across it: a thinner one would fall between the pixels
@@ -32,24 +32,21 @@ NO_AD = "no ad is given: name a video or image, or choose --effect mosaic, blur 
 class Painter(Closing):
     """Draws what belongs on a surface; a context manager that holds the ad's file and a compositor."""
 
-    def __init__(
-        self, ad: Path | str | None, placing: Placing, quad: Array, size: tuple[int, int], backend: Backend
-    ) -> None:
+    def __init__(self, surface: Surface, quad: Array, size: tuple[int, int], backend: Backend) -> None:
         """Args:
-            ad: video, image or animated image; not needed by some effects.
             quad: (4, 2) the surface's corners in a frame of the size given, px, by which the ad's shape is fitted.
 
         Raises:
             InputError: no ad, or not one that can be read. RunError: the backend is not available.
         """
-        if placing.effect == "replace" and ad is None:
+        if surface.effect == "replace" and surface.ad is None:
             raise InputError(NO_AD)
-        self.placing = placing
+        self.surface = surface
         self._ad: Ad | None = None
         self._region = WHOLE
-        if placing.effect == "replace" and ad is not None:
-            self._ad = open_ad(ad, placing.playback)
-            self._region = fit_region(placing.fit, self._ad.width / self._ad.height, quad_aspect(quad, size))
+        if surface.effect == "replace" and surface.ad is not None:
+            self._ad = open_ad(surface.ad, surface.playback)
+            self._region = fit_region(surface.fit, self._ad.width / self._ad.height, quad_aspect(quad, size))
         self._lit: tuple[Image, Light, Image] | None = None  # a picture, a light, and the picture in this light
         # One compositor a surface: each keeps what is derived from its ad's current picture.
         self._compositor = open_compositor(backend)
@@ -72,14 +69,14 @@ class Painter(Closing):
         """
         if strength <= 0 or not np.isfinite(pose).all():
             return
-        effect = self.placing.effect
+        effect = self.surface.effect
         if effect == "outline":
             draw_outline(image, pose, strength)
         elif self._ad is None:
             self._compositor.composite(image, texture(effect, image, pose), pose, WHOLE, strength)
         elif (picture := self._ad.at(time)) is not None:
             if conditions is None:
-                self._compositor.composite(image, picture, pose, self._region, strength, self.placing.feather)
+                self._compositor.composite(image, picture, pose, self._region, strength, self.surface.feather)
             else:
                 self._draw_in_scene(image, picture, pose, strength, conditions)
 
@@ -95,7 +92,7 @@ class Painter(Closing):
         if np.linalg.eigvalsh(conditions.blur).max() > BLURRED:
             self._draw_blurred(image, picture, pose, strength, conditions.blur)
         else:
-            self._compositor.composite(image, picture, pose, self._region, strength, self.placing.feather)
+            self._compositor.composite(image, picture, pose, self._region, strength, self.surface.feather)
         if occluder is not None:
             part[:] = part * (1 - occluder.share) + occluder.colour + 0.5
 
@@ -133,7 +130,7 @@ class Painter(Closing):
         over_black, over_white = np.zeros(part.shape, np.uint8), np.full(part.shape, 255, np.uint8)
         for ground in (over_black, over_white):
             self._compositor.composite(
-                ground, picture, pose - [left, top], self._region, strength, self.placing.feather
+                ground, picture, pose - [left, top], self._region, strength, self.surface.feather
             )
         blur = blur + THIN * np.eye(2)
         colour, white = (blurred(ground.astype(np.float32), blur) for ground in (over_black, over_white))
@@ -145,10 +142,10 @@ class Painter(Closing):
         self._compositor.close()
 
 
-def check_ad(ad: Path | str | None, placing: Placing) -> None:
+def check_ad(surface: Surface) -> None:
     """Raises InputError where an ad is needed and there is none, or none that can be read."""
-    if placing.effect != "replace":
+    if surface.effect != "replace":
         return
-    if ad is None:
+    if surface.ad is None:
         raise InputError(NO_AD)
-    open_ad(ad, placing.playback).close()
+    open_ad(surface.ad, surface.playback).close()

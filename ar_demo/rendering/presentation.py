@@ -5,15 +5,15 @@ from numpy.typing import NDArray
 
 from hdn.imaging.arrays import Array
 
-from ..options import Placing
-from ..track import Track
+from ..surface import Surface
 from ..tracking.smoothing import segments
+from ..tracks import Track
 
 FADE_SECONDS = 0.25  # that the ad takes to go and to come back
 GLIDE_SECONDS = 0.25  # before a lost surface is found, that a held ad takes to its place
 
 
-def presentation(track: Track, placing: Placing) -> tuple[Array, NDArray[np.float64]]:
+def presentation(track: Track, surface: Surface) -> tuple[Array, NDArray[np.float64]]:
     """Where the ad is drawn, (N, 4, 2) px, and how strongly, (N,) 0..1, in every frame.
 
     While the surface is lost the ad keeps its last pose. It fades out there (`lost='fade'`), goes at once ('hide'), or
@@ -28,16 +28,16 @@ def presentation(track: Track, placing: Placing) -> tuple[Array, NDArray[np.floa
         returns = stop < len(poses) and stop not in track.cuts
         if leaves:
             poses[start:stop] = poses[start - 1]
-        if placing.lost == "hold" and leaves:
+        if surface.lost == "hold" and leaves:
             opacity[start:stop] = 1
             if returns:
                 way = np.clip(1 - (times[stop] - times[start:stop]) / GLIDE_SECONDS, 0, 1)
                 ease = (way * way * (3 - 2 * way))[:, None, None]
                 poses[start:stop] += (poses[stop] - poses[start:stop]) * ease
-        elif placing.lost == "fade":
+        elif surface.lost == "fade":
             if leaves:
                 opacity[start:stop] = 1 - (times[start:stop] - times[start - 1]) / FADE_SECONDS
             if returns:
                 coming = (times[stop:] - times[stop - 1]) / FADE_SECONDS
                 opacity[stop:] = np.minimum(opacity[stop:], coming)
-    return poses, np.clip(opacity, 0, 1) * placing.opacity
+    return poses, np.clip(opacity, 0, 1) * surface.opacity

@@ -1,22 +1,20 @@
-"""Finding the frames that a user names: where tracking begins and ends, and those of keyframes."""
+"""The frames that a user names: where tracking begins and ends, and those of keyframes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
-from pathlib import Path
 
 from hdn.imaging.arrays import Array
 from hdn.imaging.quads import area, is_convex
 
 from ..errors import InputError
-from ..media.reader import Frame
-from ..options import Moment, Placing
-from ..progress import Progress
+from ..media.reader import Frame, VideoReader
+from ..stopping import StopSignal
+from ..surface import Keyframe, Moment, Surface
 
 
-def until_end(frames: Iterator[Frame], end: Moment, zero: Fraction | None = None) -> Iterator[Frame]:
-    """The frames up to and including `end`; zero: the time of the video's first frame, None takes that of these."""
+def until(frames: Iterable[Frame], end: Moment, zero: Fraction) -> Iterator[Frame]:
+    """The frames up to and including `end`; zero: the time of the video's first frame, seconds."""
     for frame in frames:
-        zero = frame.time if zero is None else zero
         if end.time is not None and frame.time - zero > end.time:
             return
         yield frame
@@ -24,36 +22,45 @@ def until_end(frames: Iterator[Frame], end: Moment, zero: Fraction | None = None
             return
 
 
-def find(
-    input: Path | str, frames: Iterator[Frame], surfaces: Sequence[Placing], progress: Progress
-) -> tuple[list[Fraction], list[Frame], Frame]:
-    """Reads on until all frames that are named by the surfaces are found.
+def index_of(moment: Moment, times: Sequence[Fraction]) -> int | None:
+    """Index of the first frame at or after a moment; None where all of these are before it."""
+    return next((i for i, time in enumerate(times) if moment.reached(i, time - times[0])), None)
 
-    Returns: the times of the frames read, each surface's reference frame, and the frame that was read last.
+
+def starts(reader: VideoReader, surfaces: Sequence[Surface], end: Moment, stop: StopSignal) -> list[int]:
+    """Indices of the surfaces' reference frames.
+
+    Where the file has no index, it is decoded as far as the latest frame that the surfaces name.
+
+    Raises:
+        InputError: one of these is beyond the end.
     """
-    times: list[Fraction] = []
-    references: dict[int, Frame] = {}
     named = [("start", s.start) for s in surfaces] + [("keyframe", k.at) for s in surfaces for k in s.keyframes]
-    for frame in frames:
-        times.append(frame.time)
-        elapsed = frame.time - times[0]
-        for i, surface in enumerate(surfaces):
-            if i not in references and surface.start.reached(frame.index, elapsed):
-                references[i] = frame
-        named = [(name, moment) for name, moment in named if not moment.reached(frame.index, elapsed)]
-        if not named:
-            return times, [references[i] for i in range(len(surfaces))], frame
-        progress("seek", len(times), None, "")
-    name, moment = named[0]
-    raise InputError(f"{name} ({moment}) is beyond the end: {input} has {len(times)} frames up to there")
+    if not reader.seekable:
+        for frame in until(stop.watch(reader.frames()), end, reader.times[0]):
+            if all(moment.reached(frame.index, frame.time - reader.times[0]) for _, moment in named):
+                break
+    times = [time for i, time in enumerate(reader.times) if _is_within(end, i, time - reader.times[0])]
+    for name, moment in named:
+        if index_of(moment, times) is None:
+            raise InputError(f"{name} ({moment}) is beyond the end: {reader.path} has {len(times)} frames up to there")
+    return [index_of(surface.start, times) or 0 for surface in surfaces]
 
 
-def keyframes_of(surface: Placing, quad: Array, start: int, times: Sequence[Fraction]) -> dict[int, Array]:
-    """A surface's keyframes by frame index; raises InputError for what cannot be one."""
+def keyframes_of(keyframes: Sequence[Keyframe], quad: Array, start: int, times: Sequence[Fraction]) -> dict[int, Array]:
+    """Keyframes by frame index.
+
+    Args:
+        quad: (4, 2) corners in the reference frame, whose index is `start`.
+        times: of the frames, seconds.
+
+    Raises:
+        InputError: one that cannot be a keyframe.
+    """
     found: dict[int, Array] = {}
-    for keyframe in surface.keyframes:
+    for keyframe in keyframes:
         at, corners = keyframe.at, keyframe.corners
-        index = next((i for i, time in enumerate(times) if at.reached(i, time - times[0])), None)
+        index = index_of(at, times)
         if index is None:
             raise InputError(f"keyframe ({at}) is beyond the end: the track has {len(times)} frames")
         if index == start:
@@ -66,9 +73,6 @@ def keyframes_of(surface: Placing, quad: Array, start: int, times: Sequence[Frac
     return found
 
 
-def timed(frames: Iterator[Frame], times: list[Fraction]) -> Iterator[Frame]:
-    """Notes the times of frames that are new."""
-    for frame in frames:
-        if frame.index == len(times):
-            times.append(frame.time)
-        yield frame
+def _is_within(end: Moment, index: int, elapsed: Fraction) -> bool:
+    """Whether a frame is not after the end."""
+    return (end.frame is None or index <= end.frame) and (end.time is None or elapsed <= end.time)

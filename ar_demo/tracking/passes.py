@@ -1,198 +1,247 @@
-"""Tracking of surfaces through a video: forward and backward between the frames where their corners are given."""
+"""The ways through one video with the trackers of its surfaces: forward, backward, into gaps, and again."""
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
-from fractions import Fraction
 from itertools import chain
-from pathlib import Path
 
 import numpy as np
 
-from hdn import Observation, Tracker
+from hdn import Observation
 from hdn.better_template import Views
 from hdn.imaging.arrays import Array
 
 from ..errors import InputError
-from ..media.reader import Frame, VideoReader
-from ..options import Options, Placing
-from ..progress import Progress, counted, renamed, silent
-from ..track import Source, Track
-from .moments import find, keyframes_of, timed, until_end
-from .runs import Run, backward_runs, blank, bridge, forward_runs, gap_runs, is_uncertain, join, lay
-from .sweep import Walker, clusters, walk
+from ..media.fingerprint import fingerprint
+from ..media.reader import VideoReader
+from ..options import TrackingOptions
+from ..progress import Listener, Stage
+from ..stopping import StopSignal
+from ..surface import Keyframe, Surface
+from ..tracks import Source, Track
+from .corrections import merged_keyframes, not_passed
+from .moments import keyframes_of, starts, until
+from .protocol import MakeTracker, PlanarTracker
+from .runs import Run, backward_runs, blank, bridge, clear, fix, forward_runs, gap_runs, is_uncertain, join, lay
+from .smoothing import segments
+from .sweep import Follower, backward_stretches, sweep
 
 log = logging.getLogger(__name__)
 
 
-def track(input: Path | str, options: Options, progress: Progress = silent) -> Track:
-    """Tracks the surface of `options.quad` through a video.
-
-    Frames stream: memory does not grow with the video's length.
-
-    Returns:
-        The track as measured, not yet smoothed, from the video's first frame to `options.end`.
-
-    Raises:
-        InputError: no video, no quad or an impossible one, a frame named that is beyond the end, bad weights.
-    """
-    return track_surfaces(input, [options], options, progress)[0]
-
-
-def track_surfaces(
-    input: Path | str, surfaces: Sequence[Placing], options: Options, progress: Progress = silent
-) -> list[Track]:
-    """Tracks several surfaces of a video, which is decoded once for all of them; see `track`."""
-    quads = [np.asarray(surface.quad, np.float64) for surface in surfaces if surface.quad is not None]
-    if len(quads) < len(surfaces):
-        raise InputError("tracking needs the surface's corners in the reference frame: give --quad or --track")
-    with VideoReader(input) as reader:
-        frames = until_end(reader.frames(), options.end)
-        times, references, frame = find(input, frames, surfaces, progress)
-        starts = [reference.index for reference in references]
-        keyframes = [keyframes_of(s, q, start, times) for s, q, start in zip(surfaces, quads, starts, strict=True)]
-        trackers = load_trackers(options, len(surfaces))
-        seen = {reference.index: Observation(reference.image) for reference in references}
-        targets = []
-        for tracker, quad, start, corners in zip(trackers, quads, starts, keyframes, strict=True):
-            tracker.init(seen[start], quad)
-            targets.append(Target(tracker, start, quad, corners, Views(seen[start], quad)))
-        del references, seen
-
-        if earliest(targets) < frame.index:
-            frames = until_end(reader.frames(earliest(targets)), options.end, times[0])
-            frame = next(frames)
-        tracks = both_ways(reader, str(input), chain([frame], frames), targets, times, progress)
-        learn(reader, targets, tracks, options, progress)
-        for new in tracks:
-            bridge(new, range(len(new)))
-            new.warnings = list(reader.warnings)
-        return tracks
-
-
 @dataclass
 class Target:
-    """What is tracked on one way through the video, and from where.
+    """One surface on its ways through the video.
 
     Attributes:
-        tracker: it has its target; start, quad: a frame's index and the corners (4, 2) in it.
-        keyframes: corners known in other frames.
-        views: where the target's good views are kept, None where nothing is to be learnt from them.
+        tracker: it has its target, by the quad `template` (4, 2), px, of the reference frame or of a better picture.
+        start, quad: index of a frame, and the target's corners (4, 2) in it, px.
+        keyframes: corners (4, 2) given in other frames, by index.
+        views: where the target's good views are kept; None where nothing is to be learnt from them.
+        track: what is known so far.
     """
 
-    tracker: Tracker
+    tracker: PlanarTracker
+    template: Array
     start: int
     quad: Array
     keyframes: dict[int, Array]
     views: Views | None = None
+    track: Track | None = None
 
     @property
-    def known(self) -> dict[int, Array]:
+    def given(self) -> dict[int, Array]:
+        """Corners (4, 2) that are not measured but given, by the frame's index."""
         return {self.start: self.quad, **self.keyframes}
 
+    def follower(self, runs: Sequence[Run]) -> Follower:
+        return Follower(self.tracker, self.template, runs, self.views)
 
-def earliest(targets: Sequence[Target]) -> int:
-    """Index of the first frame with a known pose."""
-    return min(min(target.known) for target in targets)
+    @property
+    def known(self) -> Track:
+        """The track; there is one after the first pass."""
+        assert self.track is not None
+        return self.track
 
 
-def both_ways(
-    reader: VideoReader,
-    path: str,
-    frames: Iterator[Frame],
-    targets: Sequence[Target],
-    times: list[Fraction],
-    progress: Progress,
-) -> list[Track]:
-    """Tracks forward and backward from the known poses, and fills the gaps from both of their ends.
+class Passes:
+    """Tracks surfaces of one video.
 
-    Args:
-        path: of the video, as the tracks shall name it.
-        frames: from the earliest with a known pose on.
-        times: of the frames read so far; is added to.
+    Attributes:
+        cuts: indices of the frames found so far that begin another shot.
     """
-    info, first = reader.info, earliest(targets)
-    forward = [Walker(target.tracker, forward_runs(target.known), target.views) for target in targets]
-    cuts: set[int] = set()
-    walk(timed(frames, times), forward, cuts, counted(progress, "track", first, info.frames))
 
-    source = Source(path, info.width, info.height, info.rate, len(times))
-    tracks = []
-    for target, walker in zip(targets, forward, strict=True):
-        new = blank(source, target.start, target.quad, times, target.keyframes)
-        for run in walker.runs:
-            lay(new, run)
-        tracks.append(new)
-    look_back(reader, forward, tracks, [backward_runs(target.known) for target in targets], cuts, progress)
-    return tracks
+    def __init__(
+        self,
+        reader: VideoReader,
+        make_tracker: MakeTracker,
+        options: TrackingOptions,
+        listen: Listener,
+        stop: StopSignal,
+    ) -> None:
+        self.reader, self.make_tracker, self.options = reader, make_tracker, options
+        self.listen, self.stop = listen, stop
+        self.cuts: set[int] = set()
 
+    def track(self, surfaces: Sequence[Surface]) -> list[Track]:
+        """Tracks surfaces from their quads, from the video's first frame to `options.end`.
 
-def learn(
-    reader: VideoReader, targets: Sequence[Target], tracks: Sequence[Track], options: Options, progress: Progress
-) -> None:
-    """Tracks again what is uncertain and was seen more clearly later than at first, with a template made of that.
+        Returns:
+            The tracks as measured, not yet smoothed.
 
-    It goes from the frame that shows the target best; a pose that is more certain then replaces the one there.
-    """
-    again: list[Target] = []
-    old: list[Track] = []
-    for target, track in zip(targets, tracks, strict=True):
-        learnt = target.views.learn() if target.views is not None and is_uncertain(track) else None
-        if learnt is not None:
-            tracker = Tracker(engine=target.tracker.engine)
-            tracker.init(learnt.image, learnt.quad)
-            again.append(Target(tracker, learnt.index, learnt.corners, target.keyframes))
-            old.append(track)
-    if again:
-        log.info("tracking again, with a template of what was seen more clearly after the reference frame")
-        times = tracks[0].times
-        frames = until_end(reader.frames(earliest(again)), options.end, times[0])
-        new = both_ways(reader, tracks[0].source.path, frames, again, times, renamed(progress, "again: "))
-        for track, other, target in zip(old, new, again, strict=True):
-            # The pose it began with was measured as well, and as surely as the one beside it.
-            beside = target.start + (1 if target.start + 1 < len(track) else -1)
-            for values in (other.confidence, other.deviation):
-                values[target.start] = values[beside]
-            join(track, other)
+        Raises:
+            InputError: no quad or an impossible one, a frame named that is beyond the end.
+            Stopped: somebody asked to.
+        """
+        if any(surface.quad is None for surface in surfaces):
+            raise InputError("tracking needs the surface's corners in the reference frame: give --quad or --track")
+        targets = self._targets(surfaces)
+        self._both_ways(targets)
+        self._again(targets)
+        for target in targets:
+            bridge(target.known, range(len(target.known)))
+            target.known.warnings = list(self.reader.warnings)
+        return [target.known for target in targets]
 
+    def correct(self, track: Track, keyframes: Sequence[Keyframe]) -> tuple[Track, np.ndarray]:
+        """A track with keyframes put in: tracked anew next to the keyframes that are new to it; see `needs_correction`.
 
-def load_trackers(options: Options, count: int) -> list[Tracker]:
-    """Trackers that share one set of networks."""
-    first = Tracker(options.weights, options.device)
-    log.info("networks run on %s", first.engine.description)
-    return [first, *(Tracker(engine=first.engine) for _ in range(count - 1))]
+        From the keyframe or reference frame before such a one to that after it the surface is tracked anew; all else
+        is kept.
 
+        Returns:
+            The track, and which of its frames (N,) were tracked anew, not yet smoothed.
 
-def look_back(
-    reader: VideoReader,
-    forward: Sequence[Walker],
-    tracks: Sequence[Track],
-    back: Sequence[list[Run]],
-    cuts: set[int],
-    progress: Progress,
-) -> None:
-    """After the runs forward: those backward, and gaps that they or these leave, looked at from their other end."""
-    for walker, track, runs in zip(forward, tracks, back, strict=True):
-        if walker.runs and walker.runs[-1].stop is None:
-            runs += gap_runs(track, max(track.given), len(track) - 1, backward=True)
-    walkers = [Walker(walker.tracker, runs, walker.views) for walker, runs in zip(forward, back, strict=True)]
-    stretches = clusters(chain.from_iterable(back))
-    show = counted(progress, "track back", 0, sum(high + 1 - low for low, high in stretches))
-    for low, high in stretches:
-        walk(reader.backward(high + 1, low), walkers, cuts, show)
-    gaps = []
-    for track, walker in zip(tracks, walkers, strict=True):
-        for run in walker.runs:
-            lay(track, run)
-        to_beginning = any(run.end is None for run in walker.runs)
-        gaps.append(gap_runs(track, 0, min(track.given), backward=False) if to_beginning else [])
-    if stops := [run.stop or 0 for runs in gaps for run in runs]:
-        first = min(run.anchor for runs in gaps for run in runs)
-        walkers = [Walker(walker.tracker, runs, walker.views) for walker, runs in zip(forward, gaps, strict=True)]
-        show = counted(progress, "fill gaps", 0, max(stops) + 1 - first)
-        walk(reader.frames(first, max(stops) + 1), walkers, cuts, show)
-        for track, runs in zip(tracks, gaps, strict=True):
+        Raises:
+            InputError: a keyframe is not possible.
+            Stopped: somebody asked to.
+        """
+        track, n, start = deepcopy(track), len(track), track.reference_frame
+        track.keyframes = merged_keyframes(track, keyframes)
+        changed = not_passed(track, track.keyframes)
+        forward, back = (
+            [run for run in runs if run.anchor in changed or run.stop in changed]
+            for runs in (forward_runs(track.given), backward_runs(track.given))
+        )
+        anew = np.zeros(n, bool)
+        for run in (*forward, *back):
+            low, high = sorted((run.anchor, n - 1 if run.stop is None else run.stop))
+            anew[low : high + 1] = True
+
+        target = Target(self.make_tracker(), track.quad, start, track.quad, track.keyframes, track=track)
+        target.tracker.init(self._observation(start), track.quad)
+        clear(track, [i for i in np.flatnonzero(anew).tolist() if i not in track.given])
+        fix(track, changed)
+        self.cuts = set(track.cuts)
+        if forward:
+            first, last = forward[0].anchor, max(n - 1 if run.stop is None else run.stop for run in forward)
+            self._forward([target], [forward], first, last + 1, "track")
+        self._back([target], [forward], [back])
+        for low, high in segments(anew.tolist()):
+            bridge(track, range(low, high))
+        track.warnings = list(dict.fromkeys([*track.warnings, *self.reader.warnings]))
+        return track, anew
+
+    def _targets(self, surfaces: Sequence[Surface]) -> list[Target]:
+        quads = [np.asarray(surface.quad, np.float64) for surface in surfaces]
+        found = starts(self.reader, surfaces, self.options.end, self.stop)
+        seen = {start: self._observation(start) for start in set(found)}
+        targets = []
+        for surface, quad, start in zip(surfaces, quads, found, strict=True):
+            keyframes = keyframes_of(surface.keyframes, quad, start, self.reader.times)
+            tracker = self.make_tracker()
+            tracker.init(seen[start], quad)
+            targets.append(Target(tracker, quad, start, quad, keyframes, Views(seen[start], quad)))
+        return targets
+
+    def _observation(self, index: int) -> Observation:
+        """One frame, for the trackers to begin with."""
+        frame = next(self.reader.frames(index, index + 1), None)
+        if frame is None:
+            raise InputError(f"frame {index} of {self.reader.path} cannot be decoded: choose another --start")
+        return Observation(frame.image)
+
+    def _both_ways(self, targets: Sequence[Target], prefix: str = "") -> None:
+        """Tracks forward and backward from the known poses, and fills the gaps from both of their ends."""
+        first = min(min(target.given) for target in targets)
+        forward = [forward_runs(target.given) for target in targets]
+        length = self._forward(targets, forward, first, None, prefix + "track")
+        info, times = self.reader.info, self.reader.times[:length]
+        path, mark = str(self.reader.path), fingerprint(self.reader.path, length)
+        source = Source(path, info.width, info.height, info.rate, length, mark)
+        for target, runs in zip(targets, forward, strict=True):
+            target.track = blank(source, target.start, target.quad, list(times), target.keyframes)
             for run in runs:
-                lay(track, run)
-    for track in tracks:
-        track.cuts = sorted(cuts)
+                lay(target.track, run)
+        self._back(targets, forward, [backward_runs(target.given) for target in targets], prefix)
+
+    def _again(self, targets: Sequence[Target]) -> None:
+        """Tracks again what is uncertain and was seen more clearly later than at first, with a template made of that.
+
+        It goes from the frame that shows the target best; a pose that is more certain then replaces the one there.
+        """
+        old: list[Target] = []
+        new: list[Target] = []
+        for target in targets:
+            learnt = target.views.learn() if target.views is not None and is_uncertain(target.known) else None
+            if learnt is not None:
+                tracker = self.make_tracker()
+                tracker.init(Observation(learnt.image), learnt.quad)
+                old.append(target)
+                new.append(Target(tracker, learnt.quad, learnt.index, learnt.corners, target.keyframes))
+        if not new:
+            return
+        log.info("tracking again, with a template of what was seen more clearly after the reference frame")
+        self._both_ways(new, "again: ")
+        for target, other in zip(old, new, strict=True):
+            # The pose it began with was measured as well, and as surely as the one beside it.
+            beside = other.start + (1 if other.start + 1 < len(other.known) else -1)
+            for values in (other.known.confidence, other.known.deviation):
+                values[other.start] = values[beside]
+            join(target.known, other.known)
+            target.known.cuts = other.known.cuts
+
+    def _forward(
+        self, targets: Sequence[Target], runs: Sequence[Sequence[Run]], first: int, stop: int | None, stage: str
+    ) -> int:
+        """Shows the frames first to stop - 1, or to the end for None, to the surfaces' runs.
+
+        Returns:
+            Index of the frame after the last that was seen.
+        """
+        followers = [target.follower(r) for target, r in zip(targets, runs, strict=True)]
+        frames = self.stop.watch(self.reader.frames(first, stop))
+        if stop is None:
+            frames = until(frames, self.options.end, self.reader.times[0])
+        total = self.reader.info.frames if stop is None else stop - first
+        show = Stage(self.listen, stage, first if stop is None else 0, total)
+        return sweep(frames, followers, self.cuts, show)
+
+    def _back(
+        self, targets: Sequence[Target], forward: Sequence[list[Run]], back: Sequence[list[Run]], prefix: str = ""
+    ) -> None:
+        """After the runs forward: those backward, and gaps that they or these leave, looked at from their other end."""
+        for target, ahead, runs in zip(targets, forward, back, strict=True):
+            track = target.known
+            if ahead and ahead[-1].stop is None:
+                runs += gap_runs(track, max(track.given), len(track) - 1, backward=True)
+        followers = [target.follower(runs) for target, runs in zip(targets, back, strict=True)]
+        stretches = backward_stretches(chain.from_iterable(back))
+        show = Stage(self.listen, prefix + "track back", 0, sum(high + 1 - low for low, high in stretches))
+        for low, high in stretches:
+            sweep(self.stop.watch(self.reader.backward(high + 1, low)), followers, self.cuts, show)
+        gaps = []
+        for target, runs in zip(targets, back, strict=True):
+            for run in runs:
+                lay(target.known, run)
+            to_beginning = any(run.end is None for run in runs)
+            gaps.append(gap_runs(target.known, 0, min(target.known.given), backward=False) if to_beginning else [])
+        if stops := [run.stop or 0 for runs in gaps for run in runs]:
+            first = min(run.anchor for runs in gaps for run in runs)
+            self._forward(targets, gaps, first, max(stops) + 1, prefix + "fill gaps")
+            for target, runs in zip(targets, gaps, strict=True):
+                for run in runs:
+                    lay(target.known, run)
+        for target in targets:
+            target.known.cuts = sorted(self.cuts)

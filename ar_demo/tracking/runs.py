@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from hdn.imaging.arrays import Array
 from hdn.imaging.quads import area
-from hdn.tracker import Estimate, State
+from hdn.state import STATES, State
 
-from ..track import STATES, Source, Track
+from ..tracks import Source, Track
+from .protocol import Estimate
 
 SETTLE = 30  # frames over which a correction fades where no other known pose follows
 AGREE = 0.03  # of the target's size, up to which two ways to a frame agree

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hdn.imaging.arrays import Array
 
-from ..track import Track
+from ..tracks import Track
 
 RATIOS = np.logspace(-4, 4, 13)  # of the acceleration's variance (px/frame^2)^2 to the noise's (px^2)
 MODES = np.array([[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, -1, 1], [1, -1, 1, -1]]) / 2  # orthonormal, over the corners

@@ -1,78 +1,91 @@
-"""Going through a video, forward or backward, with trackers of several surfaces at once."""
+"""Going through a video once, forward or backward, with the trackers of several surfaces."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
-from hdn import Observation, Tracker
+from hdn import Observation
 from hdn.better_template import Views
+from hdn.imaging.arrays import Array, Image
 from hdn.imaging.homography import from_corners
-from hdn.tracker import State
+from hdn.state import State
+from hdn.tracker import Estimate as HdnEstimate
 
 from ..media.reader import Frame
 from .cuts import CutDetector
+from .protocol import PlanarTracker
 from .runs import Run
 
+Show = Callable[[tuple[State | None, ...], Image], None]
 
-class Walker:
-    """A surface's tracker on its runs, which follow each other in one direction."""
 
-    def __init__(self, tracker: Tracker, runs: Iterable[Run], views: Views | None = None) -> None:
-        """Args: tracker: it has its target; runs: in any order; views: where good ones are kept, None keeps none."""
-        self.tracker, self.views = tracker, views
+class Follower:
+    """A surface's tracker on its runs, which come one after the other in one direction."""
+
+    def __init__(self, tracker: PlanarTracker, quad: Array, runs: Iterable[Run], views: Views | None = None) -> None:
+        """Args:
+        tracker: it has its target. quad: (4, 2) the target in the reference frame, px.
+        runs: in any order. views: where good views are kept; None keeps none.
+        """
+        self.tracker, self.quad, self.views = tracker, quad, views
         self.runs = sorted(runs, key=lambda run: -run.anchor if run.backward else run.anchor)
-        self._now: Run | None = None
+        self._current: Run | None = None
         self._next = 0
 
-    def active(self, index: int) -> bool:
+    def is_active(self, index: int) -> bool:
         """Whether a run goes through this frame, or begins there."""
-        return self._now is not None or self._begins(index)
+        return self._current is not None or self._begins(index)
 
     def see(self, index: int, frame: Observation, cut: bool) -> None:
         """Takes the next frame; cut: whether it is of another shot than the one before."""
-        if self._now is not None:
+        if self._current is not None:
             if cut:
                 self.tracker.lose()
             estimate = self.tracker.track(frame)
-            if self.views is not None:
+            if self.views is not None and isinstance(estimate, HdnEstimate):
                 self.views.offer(index, frame, estimate)
-            if not self._now.add(estimate):
-                self._now = None
+            if not self._current.add(estimate):
+                self._current = None
         if self._begins(index):
             run = self.runs[self._next]
             self._next += 1
-            self.tracker.place(from_corners(self.tracker.quad, run.pose))
-            self._now = run if run.add(self.tracker.track(frame)) else None
+            self.tracker.place(from_corners(self.quad, run.pose))
+            self._current = run if run.add(self.tracker.track(frame)) else None
 
     @property
     def state(self) -> State | None:
         """Of the frame just seen, None outside all runs."""
-        return self._now.estimates[-1].state if self._now else None
+        return None if self._current is None else self._current.estimates[-1].state
 
     def _begins(self, index: int) -> bool:
         return self._next < len(self.runs) and self.runs[self._next].anchor == index
 
 
-def walk(frames: Iterator[Frame], walkers: Sequence[Walker], cuts: set[int], show: Callable[[str], None]) -> None:
-    """Shows frames to all walkers, decoded and prepared once; adds the cuts found, by the frame that they begin with.
+def sweep(frames: Iterable[Frame], followers: Sequence[Follower], cuts: set[int], show: Show) -> int:
+    """Shows frames to all followers; each is decoded and prepared once.
 
-    Args: show: called after each frame with the worst state in it.
+    Args:
+        cuts: those found are added, by the frame that they begin with.
+        show: called after each frame with the surfaces' states and the frame.
+
+    Returns:
+        Index of the frame after the latest that was seen.
     """
     detector = CutDetector()
-    last = -1
+    last = end = -1
     for frame in frames:
-        awake = [walker for walker in walkers if walker.active(frame.index)]
-        if awake:
+        active = [follower for follower in followers if follower.is_active(frame.index)]
+        if active:
             seen = Observation(frame.image)
             cut = detector.is_cut(frame.index, seen.grey)
             if cut:
                 cuts.add(max(frame.index, last))
-            for walker in awake:
-                walker.see(frame.index, seen, cut)
-        last = frame.index
-        states = [walker.state for walker in awake]
-        show(next((s for s in ("lost", "held", "tracked") if s in states), ""))
+            for follower in active:
+                follower.see(frame.index, seen, cut)
+        last, end = frame.index, max(end, frame.index)
+        show(tuple(follower.state if follower in active else None for follower in followers), frame.image)
+    return end + 1
 
 
-def clusters(runs: Iterable[Run]) -> list[tuple[int, int]]:
+def backward_stretches(runs: Iterable[Run]) -> list[tuple[int, int]]:
     """Stretches of frames (first, last), the last one first, that backward runs go through."""
     found: list[tuple[int, int]] = []
     for run in sorted(runs, key=lambda run: -run.anchor):

@@ -14,14 +14,10 @@ import cv2
 import numpy as np
 import pytest
 
-from ar_demo import Moment, Options, pipeline
-from ar_demo.cli import commands
-from ar_demo.cli import entry as cli
+from ar_demo import Moment, OutputOptions, Surface, TrackingOptions, replace
+from ar_demo.cli import commands, entry
 from ar_demo.media.reader import VideoReader
-from ar_demo.track import Track
-from ar_demo.tracking import passes as tracking
-from hdn import Tracker
-from hdn.networks.engine import Engine
+from ar_demo.tracks import Track
 
 from ..clips import frame_times, make_clip, make_sound, sound_packets, tone, truncated
 from ..conftest import Run
@@ -32,15 +28,7 @@ LOST = range(10, 14)
 START = 8
 
 
-@pytest.fixture(autouse=True)
-def shared_networks(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Loading the networks takes seconds: one engine serves all these tests."""
-    original = tracking.Tracker
-
-    def tracker(weights: Path | None = None, device: str = "auto", engine: Engine | None = engine) -> Tracker:
-        return original(weights, device, None if weights else engine)
-
-    monkeypatch.setattr(tracking, "Tracker", tracker)
+pytestmark = pytest.mark.usefixtures("shared_networks")
 
 
 @pytest.fixture(autouse=True)
@@ -110,7 +98,7 @@ def test_tracks_both_ways_from_the_reference_frame(
 ) -> None:
     out = tmp_path / "track.json"
     code, _, err = run(
-        clip, *quad_arguments(truth[START]), "--start", START, "--end", 20, "-o", out, main=cli.track_main
+        clip, *quad_arguments(truth[START]), "--start", START, "--end", 20, "-o", out, main=entry.track_main
     )
     assert code == 0, err
     track = Track.load(out)
@@ -121,7 +109,7 @@ def test_tracks_both_ways_from_the_reference_frame(
 
 def test_renders_a_saved_track(run: Run, clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
     saved = tmp_path / "track.json"
-    assert run(clip, *quad_arguments(truth[0]), "--start", "0s", "-o", saved, main=cli.track_main)[0] == 0
+    assert run(clip, *quad_arguments(truth[0]), "--start", "0s", "-o", saved, main=entry.track_main)[0] == 0
     content = json.loads(saved.read_text())
     for i in range(FRAMES):
         frame = content["frames"][i]
@@ -247,7 +235,7 @@ def test_bad_input_is_one_line_and_exit_2(
         filled += quad_arguments(truth[0])
     if "-o" not in filled:
         filled += ["-o", str(tmp_path / "out.mp4")]
-    code, out, err = run(*filled, "--end", "2", "--quiet")
+    code, out, err = run(*filled, *([] if "--track" in filled else ["--end", "2"]), "--quiet")
     assert code == 2
     assert out == ""
     assert err.startswith("error: ")
@@ -311,7 +299,7 @@ def test_what_nobody_foresaw_is_one_line_too(run: Run, clip: Path, ad: Path, mon
     def broken(*args: object) -> None:
         raise ZeroDivisionError("somewhere deep")
 
-    monkeypatch.setattr(commands, "replace_surfaces", broken)
+    monkeypatch.setattr(commands, "replace", broken)
     code, _, err = run(clip, ad, *quad_arguments(Scene().quad))
     assert code == 1
     assert err.startswith("error: ZeroDivisionError: somewhere deep")
@@ -322,8 +310,14 @@ def test_python_function_is_what_the_command_calls(
     clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path
 ) -> None:
     seen: list[str] = []
-    options = Options(quad=truth[0], end=Moment(frame=2), backend="opencv")
-    result = pipeline.replace(clip, ad, options, tmp_path / "o.mp4", progress=lambda stage, *_: seen.append(stage))
+    result = replace(
+        clip,
+        Surface(ad, truth[0]),
+        tmp_path / "o.mp4",
+        TrackingOptions(end=Moment(frame=2)),
+        OutputOptions(backend="opencv"),
+        lambda event: seen.append(event.stage),
+    )
     assert result.output.exists()
     assert result.frames == 3
     assert {"track", "render"} <= set(seen)

@@ -13,15 +13,11 @@ import cv2
 import numpy as np
 import pytest
 
-from ar_demo.cli import entry as cli
+from ar_demo.cli import entry
 from ar_demo.cli.jobs import load_job
 from ar_demo.media.reader import VideoReader
-from ar_demo.options import Moment, Options
-from ar_demo.track import Track
-from ar_demo.tracking import passes as tracking
-from hdn import Tracker
-from hdn.errors import InputError
-from hdn.networks.engine import Engine
+from ar_demo.surface import Moment
+from ar_demo.tracks import Track
 
 from ..clips import make_clip, truncated
 from ..conftest import Run
@@ -34,9 +30,7 @@ QUADS = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def shared_networks(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracking, "Tracker", lambda *_, engine=engine: Tracker(engine=engine))
+pytestmark = pytest.mark.usefixtures("shared_networks")
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +106,9 @@ def test_a_job_file_has_options_for_each(
     job, out = ads[0].parent / "job.json", tmp_path / "out.mp4"
     second: dict[str, Any] = {"ad": str(ads[1]), "quad": truth[1][5].tolist(), "start": 5, "fit": "cover"}
     second["keyframes"] = [{"frame": 9, "corners": truth[1][9].tolist()}]
-    job.write_text(json.dumps({"surfaces": [{"ad": "red.png", "quad": " ".join(corners(QUADS[0]))}, second]}))
+    job.write_text(
+        json.dumps({"version": 1, "surfaces": [{"ad": "red.png", "quad": " ".join(corners(QUADS[0]))}, second]})
+    )
     code, _, err = run(clip, "--job", job, "-o", out, "--backend", "opencv", "--quiet", "--audio", "none")
     assert code == 0, err
     check(out, truth)
@@ -120,50 +116,13 @@ def test_a_job_file_has_options_for_each(
 
 def test_what_a_job_does_not_say_is_as_on_the_command_line(tmp_path: Path) -> None:
     job = tmp_path / "job.json"
-    job.write_text(json.dumps({"surfaces": [{"quad": QUADS[0].tolist(), "opacity": 0.2}, {"quad": QUADS[1].tolist()}]}))
-    first, second = load_job(job, Options(opacity=0.7, effect="blur", start=Moment(frame=3)))
-    assert (first.placing.opacity, second.placing.opacity) == (0.2, 0.7)
-    assert first.placing.effect == second.placing.effect == "blur"
-    assert second.placing.start == Moment(frame=3)
+    surfaces = [{"quad": QUADS[0].tolist(), "opacity": 0.2}, {"quad": QUADS[1].tolist()}]
+    job.write_text(json.dumps({"version": 1, "surfaces": surfaces}))
+    first, second = load_job(job).surfaces_with({"opacity": 0.7, "effect": "blur", "start": Moment(frame=3)})
+    assert (first.opacity, second.opacity) == (0.2, 0.7)
+    assert first.effect == second.effect == "blur"
+    assert second.start == Moment(frame=3)
     assert first.ad is None
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("no json", "not a job file"),
-        ("{}", "not a job file"),
-        ('{"surfaces": []}', "not a job file"),
-        ('{"surfaces": [{"ad": "a.png"}]}', "surface 1 .* neither quad nor track"),
-        ('{"surfaces": [{"quad": "1,2 3,4", "ad": "a.png"}]}', "four corners"),
-        ('{"surfaces": [{"quad": "0,0 9,0 9,9 0,9", "sparkle": 1}]}', "'sparkle' is unknown: choose"),
-        ('{"surfaces": [{"quad": "0,0 9,0 9,9 0,9", "opacity": "much"}]}', "surface 1"),
-        ('{"surfaces": [{"quad": "0,0 9,0 9,9 0,9", "fit": "squeeze"}]}', "squeeze"),
-        ('{"surfaces": [{"quad": "0,0 9,0 9,9 0,9", "keyframes": [{"frame": 3}]}]}', "surface 1"),
-        ('{"surfaces": [{"track": "none.json"}]}', "none.json"),
-    ],
-)
-def test_refuses_what_is_no_job(tmp_path: Path, content: str, message: str) -> None:
-    job = tmp_path / "job.json"
-    job.write_text(content)
-    with pytest.raises(InputError, match=message) as caught:
-        load_job(job, Options())
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["ad.png", "--job", "job.json"],
-        ["--job", "job.json", "--surface", "a.png", "1,2", "3,4", "5,6", "7,8"],
-        ["--surface", "a.png", "1,2", "3,4", "5,6", "7,8", "--quad", "1,2", "3,4", "5,6", "7,8"],
-        ["--job", "job.json", "--keyframe", "4:1,2,3,4,5,6,7,8"],
-    ],
-)
-def test_one_way_of_saying_it(run: Run, arguments: list[str]) -> None:
-    code, _, err = run("in.mp4", *arguments)
-    assert code == 2
-    assert "do not go together" in err
 
 
 def test_keyframes_first_while_tracking_then_in_the_finished_track(
@@ -176,13 +135,13 @@ def test_keyframes_first_while_tracking_then_in_the_finished_track(
         return ["--keyframe", f"{at}:{','.join(corners(quad))}"]
 
     code, _, err = run(
-        clip, "--quad", *corners(QUADS[0]), *keyframe(4, given), "-o", first, "--quiet", main=cli.track_main
+        clip, "--quad", *corners(QUADS[0]), *keyframe(4, given), "-o", first, "--quiet", main=entry.track_main
     )
     assert code == 0, err
     before = Track.load(first)
     np.testing.assert_allclose(before.corners[4], given, atol=1e-4)
     code, _, err = run(
-        clip, "--track", first, *keyframe("0.3s", truth[0][9] - 1), "-o", second, "--quiet", main=cli.track_main
+        clip, "--track", first, *keyframe("0.3s", truth[0][9] - 1), "-o", second, "--quiet", main=entry.track_main
     )
     assert code == 0, err
     after = Track.load(second)
@@ -206,7 +165,7 @@ def test_a_keyframe_after_the_end_of_a_damaged_video_is_refused(run: Run, tmp_pa
         "-o",
         tmp_path / "t.json",
         "--quiet",
-        main=cli.track_main,
+        main=entry.track_main,
     )
     assert code == 2
     assert "beyond the end" in err
@@ -221,7 +180,7 @@ def test_ctrl_c_while_libraries_load_is_a_word(tmp_path: Path, wait: float) -> N
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=os.environ | {"PYTHONPATH": str(Path(cli.__file__).parents[2])},
+        env=os.environ | {"PYTHONPATH": str(Path(entry.__file__).parents[2])},
     )
     assert process.stdout is not None
     process.stdout.readline()

@@ -5,9 +5,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from ar_demo.options import Options
 from ar_demo.rendering.presentation import presentation
-from ar_demo.track import Source, Track
+from ar_demo.surface import Surface
+from ar_demo.tracks import Source, Track
 
 QUAD = np.array([[10.0, 20], [110, 25], [105, 90], [8, 80]])
 LOSS = slice(20, 50)
@@ -24,7 +24,7 @@ def track() -> Track:
 
 
 def test_fades_out_where_it_was_and_in_where_it_is(track: Track) -> None:
-    poses, opacity = presentation(track, Options(lost="fade", opacity=0.8))
+    poses, opacity = presentation(track, Surface(lost="fade", opacity=0.8))
     assert opacity[19] == pytest.approx(0.8)
     assert (np.diff(opacity[19:28]) <= 0).all()
     assert opacity[22] > 0 == opacity[30]
@@ -36,7 +36,7 @@ def test_fades_out_where_it_was_and_in_where_it_is(track: Track) -> None:
 
 
 def test_hold_glides_back_without_a_jump(track: Track) -> None:
-    poses, opacity = presentation(track, Options(lost="hold"))
+    poses, opacity = presentation(track, Surface(lost="hold"))
     assert (opacity == 1).all()
     np.testing.assert_array_equal(poses[30], QUAD)
     steps = np.abs(np.diff(poses, axis=0)).max((1, 2))
@@ -45,13 +45,13 @@ def test_hold_glides_back_without_a_jump(track: Track) -> None:
 
 
 def test_hide_goes_at_once(track: Track) -> None:
-    _, opacity = presentation(track, Options(lost="hide"))
+    _, opacity = presentation(track, Surface(lost="hide"))
     np.testing.assert_array_equal(opacity == 1, track.known)
 
 
 def test_nothing_is_drawn_before_it_is_first_seen(track: Track) -> None:
     track.corners[:20] = np.nan
-    poses, opacity = presentation(track, Options(lost="hold"))
+    poses, opacity = presentation(track, Surface(lost="hold"))
     assert (opacity[:50] == 0).all()
     assert np.isnan(poses[:50]).all()
 
@@ -59,6 +59,6 @@ def test_nothing_is_drawn_before_it_is_first_seen(track: Track) -> None:
 @pytest.mark.parametrize("lost", ["fade", "hold", "hide"])
 def test_a_cut_ends_it_at_once(track: Track, lost: str) -> None:
     track.cuts = [20, 50]
-    _, opacity = presentation(track, Options(lost=lost))  # type: ignore[arg-type]
+    _, opacity = presentation(track, Surface(lost=lost))  # type: ignore[arg-type]
     np.testing.assert_array_equal(opacity == 1, track.known)
     assert (opacity[LOSS] == 0).all()

@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
+import ar_demo
 from ar_demo.media.reader import VideoReader
-from ar_demo.options import Options
-from ar_demo.rendering.loop import render
+from ar_demo.options import OutputOptions
 from ar_demo.rendering.painting import Painter
 from ar_demo.scene.conditions import Appearance, Conditions
 from ar_demo.scene.light import as_it_was, exposure
-from ar_demo.track import Source, Track
-from hdn.errors import InputError
+from ar_demo.surface import Surface
+from ar_demo.tracks import Source, Track
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import from_corners
 
@@ -216,10 +216,9 @@ def ad(tmp_path_factory: pytest.TempPathFactory) -> Path:
 RED = np.array([200.0, 60, 30])
 
 
-def draw(ad: Path, frame: np.ndarray, conditions: Conditions | None, **placing: object) -> np.ndarray:
-    options = Options(quad=SCENE.quad, backend="opencv", **placing)  # type: ignore[arg-type]
+def draw(ad: Path, frame: np.ndarray, conditions: Conditions | None, **options: object) -> np.ndarray:
     drawn = frame.copy()
-    with Painter(ad, options, SCENE.quad, (640, 480), "opencv") as painter:
+    with Painter(Surface(ad, **options), SCENE.quad, (640, 480), "opencv") as painter:  # type: ignore[arg-type]
         painter.draw(drawn, SCENE.quad, 1.0, Fraction(0), conditions)
     return drawn.astype(np.float64)
 
@@ -288,16 +287,10 @@ def test_a_video_end_to_end(reference: np.ndarray, ad: Path, tmp_path: Path, fra
     lit, gain = lamp(reference)
     seen, _ = passer_by(lit)
     clip = make_clip(tmp_path / "in.mp4", [reference, *[seen] * (frames - 1)], rate=25)
-    options = Options(quad=SCENE.quad, backend="opencv", flat=flat, crf=5, overwrite=True)
-    render(clip, ad, _track(clip, frames), tmp_path / "out.mp4", options)
+    surface = Surface(ad, track=_track(clip, frames), flat=flat)
+    ar_demo.replace(clip, surface, tmp_path / "out.mp4", options=OutputOptions(backend="opencv", crf=5))
     with VideoReader(tmp_path / "out.mp4") as reader:
         last = [frame.image for frame in reader.frames()][-1].astype(np.float64)
     assert last[230, 320] == pytest.approx(RED if flat or frames == 1 else np.sqrt(gain[230, 320]) * RED, abs=12)
     if frames > 1:
         assert last[280, 250] == pytest.approx(RED if flat else [40, 150, 60], abs=12)
-
-
-def test_flat_is_a_switch() -> None:
-    assert Options(flat=True).flat
-    with pytest.raises(InputError, match="flat 'yes' is neither true nor false"):
-        Options(flat="yes")  # type: ignore[arg-type]

@@ -3,18 +3,17 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from ar_demo.options import Keyframe, Moment, Options
-from ar_demo.track import Track
-from ar_demo.tracking import corrections as retracking
-from ar_demo.tracking import passes as tracking
-from ar_demo.tracking.corrections import retrack
-from ar_demo.tracking.passes import track, track_surfaces
+import ar_demo
+from ar_demo.options import TrackingOptions
+from ar_demo.progress import Progress
+from ar_demo.session import Session
+from ar_demo.surface import Keyframe, Moment, Surface
 from ar_demo.tracking.smoothing import smooth
+from ar_demo.tracks import Track
 from hdn import Observation
 from hdn.errors import InputError
 from hdn.imaging.arrays import Array
@@ -94,16 +93,17 @@ class Scripted:
         )
 
 
+AS_MEASURED = TrackingOptions(smooth=0)
+
+
 @pytest.fixture
-def world(monkeypatch: pytest.MonkeyPatch) -> World:
-    world = World()
+def world() -> World:
+    return World()
 
-    def load(options: Options, count: int) -> Any:
-        return [Scripted(world) for _ in range(count)]
 
-    monkeypatch.setattr(tracking, "load_trackers", load)
-    monkeypatch.setattr(retracking, "load_trackers", load)
-    return world
+def track(clip: Path, surface: Surface, world: World) -> Track:
+    """The track as measured by a tracker of that world."""
+    return ar_demo.track(clip, surface, AS_MEASURED, make_tracker=lambda: Scripted(world))
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def off(track: Track) -> Array:
 
 @pytest.mark.parametrize("start", [0, 25, FRAMES - 1])
 def test_plain_tracking_goes_both_ways_once(world: World, clip: Path, start: int) -> None:
-    found = track(clip, Options(quad=truth(start), start=Moment(frame=start)))
+    found = track(clip, Surface(quad=truth(start), start=Moment(frame=start)), world)
     assert found.counts == {"tracked": FRAMES, "held": 0, "lost": 0}
     assert off(found).max() < 1e-6
     assert sorted(world.seen) == sorted([*range(FRAMES), *([start] if start else [])])
@@ -144,7 +144,7 @@ def test_a_gap_is_filled_from_its_other_end(world: World, clip: Path, start: int
     forward = start == 0
     world.hidden = set(range(20, 30))
     world.faint = set(range(30, 45)) if forward else set(range(5, 20))
-    found = track(clip, Options(quad=truth(start), start=Moment(frame=start)))
+    found = track(clip, Surface(quad=truth(start), start=Moment(frame=start)), world)
     assert off(found)[sorted(world.faint)].max() < 1e-6
     assert all(found.states[i] == "tracked" for i in world.faint)
     assert {found.states[i] for i in range(20, 30)} == {"held", "lost"}
@@ -153,7 +153,7 @@ def test_a_gap_is_filled_from_its_other_end(world: World, clip: Path, start: int
 
 def test_held_frames_are_led_from_fix_to_fix(world: World, clip: Path) -> None:
     world.hidden = {20, 21, 22}
-    found = track(clip, Options(quad=QUAD))
+    found = track(clip, Surface(quad=QUAD), world)
     assert [found.states[i] for i in (19, 20, 22, 23)] == ["tracked", "held", "held", "tracked"]
     assert off(found).max() < 0.2  # a straight line along a slight bend
     assert np.abs(truth(22) - truth(19)).max() > 1
@@ -163,7 +163,7 @@ def test_a_track_passes_through_keyframes(world: World, clip: Path) -> None:
     """The tracker slips, more and more, up to a frame where somebody corrects it, and is right from there on."""
     world.bias = lambda i: 0.3 * (i - 10) if 10 <= i <= 30 else 0.0
     given = keyframe(30, truth(30))
-    found = track(clip, Options(quad=QUAD, keyframes=(given,)))
+    found = track(clip, Surface(quad=QUAD, keyframes=(given,)), world)
     np.testing.assert_array_equal(found.corners[30], truth(30))
     assert (found.states[30], found.confidence[30]) == ("tracked", 1.0)
     assert off(found)[:31].max() < 2.1 < 6 == world.bias(30)  # what is linear in it is gone
@@ -176,7 +176,7 @@ def test_a_track_passes_through_keyframes(world: World, clip: Path) -> None:
 
 def test_a_correction_is_spread_linearly(world: World, clip: Path) -> None:
     """A person who sees everything 4 px further right at a keyframe moves all between, the less the farther."""
-    found = track(clip, Options(quad=QUAD, keyframes=(keyframe(40, truth(40) + 4 * RIGHT),)))
+    found = track(clip, Surface(quad=QUAD, keyframes=(keyframe(40, truth(40) + 4 * RIGHT),)), world)
     shift = (found.corners - [truth(i) for i in range(FRAMES)])[..., 0].mean(1)
     np.testing.assert_allclose(shift[:41], np.arange(41) / 10, atol=1e-6)
     assert (np.diff(shift[40:]) < 0).all()
@@ -184,7 +184,7 @@ def test_a_correction_is_spread_linearly(world: World, clip: Path) -> None:
 
 def test_keyframes_lead_over_what_the_tracker_cannot_see(world: World, clip: Path) -> None:
     world.hidden = set(range(22, 40)) - {31}
-    found = track(clip, Options(quad=QUAD, keyframes=(keyframe(25, truth(25)), keyframe(28, truth(28)))))
+    found = track(clip, Surface(quad=QUAD, keyframes=(keyframe(25, truth(25)), keyframe(28, truth(28)))), world)
     assert off(found)[19:29].max() < 0.2
     assert found.states[23:29] == ["held", "held", "tracked", "held", "held", "tracked"]
     assert off(found)[31] < 1e-6
@@ -193,7 +193,7 @@ def test_keyframes_lead_over_what_the_tracker_cannot_see(world: World, clip: Pat
 @pytest.mark.parametrize("start", [0, 30, 59])
 def test_a_keyframe_may_come_before_or_after_the_reference_frame(world: World, clip: Path, start: int) -> None:
     given = tuple(keyframe(i, truth(i) + 1) for i in (5, 45))
-    found = track(clip, Options(quad=truth(start), start=Moment(frame=start), keyframes=given))
+    found = track(clip, Surface(quad=truth(start), start=Moment(frame=start), keyframes=given), world)
     np.testing.assert_array_equal(found.corners[5], truth(5) + 1)
     np.testing.assert_array_equal(found.corners[45], truth(45) + 1)
     np.testing.assert_array_equal(found.corners[start], truth(start))
@@ -203,11 +203,11 @@ def test_a_keyframe_may_come_before_or_after_the_reference_frame(world: World, c
 
 def test_retracks_only_between_the_neighbours_of_what_changed(world: World, clip: Path, tmp_path: Path) -> None:
     kept = (keyframe(20, truth(20)), keyframe(40, truth(40)))
-    track(clip, Options(quad=QUAD, keyframes=kept)).save(tmp_path / "t.json")
+    track(clip, Surface(quad=QUAD, keyframes=kept), world).save(tmp_path / "t.json")
     old = Track.load(tmp_path / "t.json")
     old.corners[10], old.corners[50] = old.corners[10] + 7, old.corners[50] - 7  # as somebody edited it
     world.seen.clear()
-    new = retrack(clip, old, [keyframe(31, truth(31) + 3 * RIGHT)], Options())
+    new = track(clip, Surface(track=old, keyframes=(keyframe(31, truth(31) + 3 * RIGHT),)), world)
     assert set(world.seen) == set(range(20, 41))
     untouched = [*range(20), *range(41, FRAMES)]
     np.testing.assert_array_equal(new.corners[untouched], old.corners[untouched])
@@ -218,12 +218,12 @@ def test_retracks_only_between_the_neighbours_of_what_changed(world: World, clip
 
 
 def test_a_keyframe_edited_in_the_file_is_new(world: World, clip: Path) -> None:
-    old = track(clip, Options(quad=QUAD, keyframes=(keyframe(20, truth(20)), keyframe(40, truth(40)))))
+    old = track(clip, Surface(quad=QUAD, keyframes=(keyframe(20, truth(20)), keyframe(40, truth(40)))), world)
     world.seen.clear()
-    assert retrack(clip, old, [], Options()).corners is not old.corners
+    assert track(clip, Surface(track=old), world) is old
     assert world.seen == []
     old.keyframes[40] = truth(40) + 2
-    new = retrack(clip, old, [], Options())
+    new = track(clip, Surface(track=old), world)
     assert set(world.seen) == set(range(20, FRAMES))
     np.testing.assert_array_equal(new.corners[40], truth(40) + 2)
 
@@ -232,7 +232,7 @@ def test_a_keyframe_edited_in_the_file_is_new(world: World, clip: Path) -> None:
 def test_a_cut_loses_at_once(world: World, cut_clip: Path, backward: bool) -> None:
     world.hidden = set(range(20, 40))
     start = FRAMES - 1 if backward else 0
-    found = track(cut_clip, Options(quad=truth(start), start=Moment(frame=start)))
+    found = track(cut_clip, Surface(quad=truth(start), start=Moment(frame=start)), world)
     assert found.cuts == [20, 40]
     assert found.states == ["tracked"] * 20 + ["lost"] * 20 + ["tracked"] * 20
     assert np.isnan(found.corners[20:40]).all()
@@ -240,14 +240,15 @@ def test_a_cut_loses_at_once(world: World, cut_clip: Path, backward: bool) -> No
 
 def test_several_surfaces_share_one_pass(world: World, clip: Path) -> None:
     other = QUAD * 0.5 + 30
-    surfaces = [Options(quad=QUAD), Options(quad=truth(30) + 2, start=Moment(frame=30)), Options(quad=other)]
-    stages: list[tuple[str, int]] = []
-    tracks = track_surfaces(clip, surfaces, Options(), lambda stage, done, *_: stages.append((stage, done)))
+    surfaces = [Surface(quad=QUAD), Surface(quad=truth(30) + 2, start=Moment(frame=30)), Surface(quad=other)]
+    events: list[Progress] = []
+    with Session(clip, events.append, lambda: Scripted(world)) as session:
+        tracks = [s.track for s in session.track(surfaces, AS_MEASURED) if s.track is not None]
     assert [t.counts["tracked"] for t in tracks] == [FRAMES] * 3
     assert [t.reference_frame for t in tracks] == [0, 30, 0]
     assert off(tracks[0]).max() < 1e-6
-    assert [stage for stage, _ in stages].count("track") == FRAMES
-    assert [stage for stage, _ in stages].count("track back") == 31
+    assert [event.stage for event in events].count("track") == FRAMES
+    assert [event.stage for event in events].count("track back") == 31
 
 
 @pytest.mark.parametrize(
@@ -262,7 +263,7 @@ def test_several_surfaces_share_one_pass(world: World, clip: Path) -> None:
 )
 def test_refuses_keyframes_that_cannot_be(world: World, clip: Path, given: list[Keyframe], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        track(clip, Options(quad=QUAD, keyframes=tuple(given)))
-    known = track(clip, Options(quad=QUAD))
+        track(clip, Surface(quad=QUAD, keyframes=tuple(given)), world)
+    known = track(clip, Surface(quad=QUAD), world)
     with pytest.raises(InputError, match=message):
-        retrack(clip, known, given, Options())
+        track(clip, Surface(track=known, keyframes=tuple(given)), world)

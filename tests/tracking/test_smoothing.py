@@ -3,8 +3,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from ar_demo.track import Source, Track
 from ar_demo.tracking.smoothing import segments, smooth
+from ar_demo.tracks import Source, Track
 
 
 def make_track(corners: np.ndarray, states: list[str] | None = None) -> Track:

@@ -13,23 +13,29 @@ from numpy.typing import NDArray
 
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import from_corners
-from hdn.tracker import State
+from hdn.state import STATES, State
 
 from .errors import InputError, RunError
 
 VERSION = 1
-STATES: tuple[State, ...] = ("tracked", "held", "lost")
 
 
 @dataclass(frozen=True)
 class Source:
-    """The video that a track belongs to. Its frame count is that of the track."""
+    """The video that a track belongs to.
+
+    Attributes:
+        width, height: px, upright. fps: average frames per second.
+        frames: as many as the track has.
+        fingerprint: see `media.fingerprint`; None in files of older versions, and where there is no file.
+    """
 
     path: str
     width: int
     height: int
     fps: Fraction
     frames: int
+    fingerprint: str | None = None
 
 
 @dataclass
@@ -107,7 +113,14 @@ class Track:
         s = self.source
         content = {
             "version": VERSION,
-            "source": {"path": s.path, "width": s.width, "height": s.height, "fps": str(s.fps), "frames": s.frames},
+            "source": {
+                "path": s.path,
+                "width": s.width,
+                "height": s.height,
+                "fps": str(s.fps),
+                "frames": s.frames,
+                "fingerprint": s.fingerprint,
+            },
             "reference_frame": self.reference_frame,
             "quad": self.quad.tolist(),
             "keyframes": [{"frame": i, "corners": self.keyframes[i].tolist()} for i in sorted(self.keyframes)],
@@ -149,15 +162,6 @@ class Track:
             reason = f"{type(error).__name__}: {error}".replace("\n", " ")
             raise InputError(f"{path} is damaged ({reason}): track the video again") from error
 
-    def check_belongs_to(self, path: Path, width: int, height: int) -> None:
-        """Raises InputError unless the track was measured on a video of this size."""
-        s = self.source
-        if (s.width, s.height) != (width, height):
-            raise InputError(
-                f"the track is of {s.path} ({s.width}x{s.height}), not of {path} ({width}x{height}): "
-                "give the video that it was made from"
-            )
-
 
 def _parse(content: dict[str, Any]) -> Track:
     source, frames = content["source"], content["frames"]
@@ -176,7 +180,14 @@ def _parse(content: dict[str, Any]) -> Track:
     if beyond := [k for k in keyframes if not 0 <= k < len(frames)]:
         raise ValueError(f"keyframe at frame {beyond[0]}, where there are {len(frames)} frames")
     return Track(
-        Source(source["path"], int(source["width"]), int(source["height"]), Fraction(source["fps"]), source["frames"]),
+        Source(
+            source["path"],
+            int(source["width"]),
+            int(source["height"]),
+            Fraction(source["fps"]),
+            source["frames"],
+            source.get("fingerprint"),
+        ),
         int(content["reference_frame"]),
         quad,
         [Fraction(f["time"]).limit_denominator(10**6) for f in frames],

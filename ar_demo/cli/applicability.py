@@ -1,0 +1,63 @@
+"""Options that cannot apply beside others are refused, never dropped."""
+
+from argparse import Namespace
+from collections.abc import Callable
+from typing import NamedTuple
+
+from ..errors import InputError
+
+STDOUT = "-"
+
+
+class Rule(NamedTuple):
+    """Options that do nothing in some case, and why.
+
+    Attributes:
+        options: by their names in the parsed arguments.
+        case: whether it is so, by the names of all that is given; `text` is how the case is called.
+    """
+
+    options: tuple[str, ...]
+    text: str
+    case: Callable[[Namespace], bool]
+    reason: str
+
+
+def _has(name: str) -> Callable[[Namespace], bool]:
+    return lambda given: name in given
+
+
+RULES = (
+    Rule(("ad", "quad", "track", "keyframe", "surface"), "--job", _has("job"), "the job file has the surfaces"),
+    Rule(("ad", "quad", "track", "keyframe"), "--surface", _has("surface"), "it has an ad and corners of its own"),
+    Rule(("quad", "start", "end"), "--track", _has("track"), "the track has its own"),
+    Rule(("track", "keyframe"), "--live", _has("live"), "frames are seen once, as they come"),
+    Rule(("save_track",), "--live", _has("live"), "live tracks are not kept"),
+    Rule(("smooth",), "--live", _has("live"), "a 1 euro filter takes its place"),
+    Rule(("audio",), "--live", _has("live"), "a live output has no sound"),
+    Rule(("depth",), "--live", _has("live"), "a live output has 8 bits"),
+    Rule(
+        ("codec", "crf", "overwrite"),
+        "-o -",
+        lambda given: getattr(given, "output", None) == STDOUT,
+        "standard output gets H.264 in MPEG-TS",
+    ),
+)
+
+
+def check_applicable(given: Namespace) -> None:
+    """Raises InputError for an option that would do nothing beside the others that are given."""
+    for rule in RULES:
+        if rule.case(given):
+            for name in rule.options:
+                if name in given:
+                    raise InputError(f"{flag(name)} and {rule.text} do not go together: {rule.reason}")
+    if getattr(given, "output", None) == STDOUT and "live" not in given:
+        raise InputError("only --live writes to standard output: name a file with -o")
+
+
+def flag(name: str) -> str:
+    """How an option is written on the command line."""
+    return {"ad": "an ad", "input": "an input", "playback": "--loop, --hold-last or --once"}.get(
+        name, "--" + name.replace("_", "-")
+    )

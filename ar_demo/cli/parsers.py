@@ -1,0 +1,103 @@
+"""The arguments of the command lines. What is not given is absent, so that it can be told from a given default."""
+
+import argparse
+from pathlib import Path
+
+from hdn.commandline import Parser
+
+from ..choices import CHOICES
+
+STATUSES = "Exit status: 0 done, 1 failed while working, 2 wrong input."
+
+
+def replace_parser() -> Parser:
+    """Of ar-replace."""
+    parser = _parser(
+        "ar-replace",
+        "Put an ad (video, image or animated image) on a planar surface of a video.",
+        f"Corners are pixels, x right and y down, in the frame that --start names. {STATUSES}",
+    )
+    add = parser.add_argument
+    add("input", nargs="?", help="the video; with --live a camera (0, /dev/video0), a URL, or a file")
+    add("ad", nargs="?", help="video, image or animated image; not needed by some effects")
+    add("-o", "--output", help="video to write (default: INPUT.ar.mp4 beside the input)")
+    add("--save-track", type=Path, metavar="JSON", help="also write the track; of several NAME.1.json ...")
+    add(
+        "--live",
+        action="store_true",
+        help="take frames as they come, dropping late ones, until Ctrl-C; -o is a file (default: live.mp4) or - for "
+        "MPEG-TS on standard output",
+    )
+    add = parser.add_argument_group("several surfaces").add_argument
+    add(
+        "--surface",
+        nargs=5,
+        action="append",
+        metavar=("AD", "X,Y", "X,Y", "X,Y", "X,Y"),
+        help="an ad (- where the effect needs none) and its corners; once for each surface, later ones on top",
+    )
+    add("--job", type=Path, metavar="JSON", help="a job file: surfaces with options of their own, see the README")
+    _add_tracking(parser, "render this track instead of tracking")
+    add = parser.add_argument_group("the ad").add_argument
+    add("--fit", choices=CHOICES["fit"], help="how its shape is brought to the surface's (default: stretch)")
+    for name, value, text in (
+        ("--loop", "loop", "start a moving ad again when it is over (default)"),
+        ("--hold-last", "hold", "hold its last frame"),
+        ("--once", "once", "play it once, then show the surface"),
+    ):
+        add(name, dest="playback", action="store_const", const=value, help=text)
+    add("--blend", choices=CHOICES["blend"], help="how its colours mix with the surface's (default: normal)")
+    add("--opacity", type=float, metavar="0..1")
+    add("--feather", type=float, metavar="PX", help="soft edge, px of the frame")
+    add("--lost", choices=CHOICES["lost"], help="the ad while the surface is lost (default: fade)")
+    add("--flat", action="store_true", help="lay the ad on as it is: not lit, blurred and hidden as the surface is")
+    add("--effect", choices=CHOICES["effect"], help="all but replace need no ad")
+    add = parser.add_argument_group("the output").add_argument
+    add("--audio", choices=CHOICES["audio"], help="whose sound (default: source)")
+    add("--backend", choices=CHOICES["backend"], help="what draws (default: auto)")
+    add("--crf", type=float, help="quality, lower is better")
+    add("--codec", help="encoder by FFmpeg's name, such as libx264 or libx265")
+    add("--depth", choices=CHOICES["depth"], help="bits a sample: 8 (default), or as many as the source has")
+    _add_common(parser)
+    return parser
+
+
+def track_parser() -> Parser:
+    """Of ar-track."""
+    parser = _parser("ar-track", "Track a planar surface of a video and write the track as JSON.", STATUSES)
+    parser.add_argument("input", type=Path, help="the video")
+    parser.add_argument("-o", "--output", type=Path, help="track file to write (default: INPUT.track.json)")
+    _add_tracking(parser, "correct this track: track anew only next to keyframes that are new to it")
+    _add_common(parser)
+    return parser
+
+
+def _parser(name: str, description: str, epilog: str) -> Parser:
+    parser = Parser(name, description, epilog)
+    parser.argument_default = argparse.SUPPRESS
+    return parser
+
+
+def _add_tracking(parser: Parser, use_of_track: str) -> None:
+    add = parser.add_argument_group("the surface").add_argument
+    add("--quad", nargs=4, metavar="X,Y", help="its corners: top-left, top-right, bottom-right, bottom-left of the ad")
+    add("--start", metavar="WHEN", help="frame of the quad: number (120) or time (4.5s, 0:04.5); default 0")
+    add("--track", type=Path, metavar="JSON", help=use_of_track)
+    add(
+        "--keyframe",
+        action="append",
+        metavar="WHEN:X,Y,X,Y,X,Y,X,Y",
+        help="corners in another frame, which the track passes through; may be repeated",
+    )
+    add("--end", metavar="WHEN", help="last frame; later ones are left out")
+    add("--smooth", type=float, metavar="X", help="0 off, 1 by the track's noise (default), more is stronger")
+    add("--device", choices=CHOICES["device"], help="what runs the networks (default: auto)")
+    add("--weights", type=Path, help="another weights file (.safetensors)")
+
+
+def _add_common(parser: Parser) -> None:
+    add = parser.add_argument
+    add("--overwrite", action="store_true", help="replace an existing output")
+    add("--strict", action="store_true", help="exit with 1 where there was a warning, as for a damaged input")
+    add("--quiet", action="store_true", help="no progress, no log")
+    add("--json", action="store_true", help="print a machine-readable summary")

@@ -1,0 +1,182 @@
+"""A session: one video, from opening to the finished output."""
+
+import time
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace as changed
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from .errors import InputError
+from .media.audio import Audio
+from .media.fingerprint import fingerprint
+from .media.reader import VideoReader
+from .media.writer import VideoWriter
+from .options import OutputOptions, TrackingOptions
+from .progress import Listener, Stage, silent
+from .rendering.loop import Renderer
+from .results import Result, total
+from .stopping import StopSignal
+from .surface import FIRST, Surface
+from .tracking.corrections import needs_correction
+from .tracking.passes import Passes
+from .tracking.protocol import MakeTracker, hdn_trackers
+from .tracking.smoothing import smooth
+from .tracks import Track
+
+TIME_TOLERANCE = Fraction(1, 500)  # s: times in a track file are rounded
+
+
+class Session(AbstractContextManager["Session"]):
+    """One video that surfaces are tracked in and ads are laid on.
+
+    `stop()`, from any thread, ends whatever is under way: it raises `Stopped`, and leaves nothing half made.
+
+    Example:
+        with Session("street.mp4", listen=print) as session:
+            surfaces = session.track([Surface("ad.mp4", parse_quad("100,80 300,80 300,240 100,240"))])
+            session.render(surfaces, "out.mp4")
+    """
+
+    def __init__(self, input: Path | str, listen: Listener = silent, make_tracker: MakeTracker | None = None) -> None:
+        """Args:
+            listen: called after each frame.
+            make_tracker: makes a tracker for each surface; None makes HDN's, as the options for tracking say.
+
+        Raises:
+            InputError: the video cannot be read.
+        """
+        self.listen = listen
+        self.reader = VideoReader(input)
+        self._make_tracker = make_tracker
+        self._stop = StopSignal()
+
+    def __exit__(self, *error: Any) -> None:
+        self.reader.close()
+
+    def stop(self) -> None:
+        """Ends tracking or rendering before the next frame; may be called from any thread."""
+        self._stop.set()
+
+    def track(self, surfaces: Sequence[Surface], options: TrackingOptions | None = None) -> list[Surface]:
+        """The surfaces with their tracks, smoothed as the options say.
+
+        Those without one are tracked, all in one pass over the video; a track that does not pass through all of its
+        keyframes is tracked anew next to these, and stays as it is elsewhere.
+
+        Raises:
+            InputError: no quad or an impossible one, a track of another video, a frame named that is beyond the end.
+            Stopped: see `stop`.
+        """
+        options = options or TrackingOptions()
+        for surface in surfaces:
+            if surface.track is not None:
+                check_belongs_to(surface.track, self.reader)
+        new = [surface for surface in surfaces if surface.track is None]
+        measured = iter(self._passes(options).track(new) if new else [])
+        return [
+            changed(surface, quad=None, start=FIRST, track=smooth(next(measured), options.smooth))
+            if surface.track is None
+            else changed(surface, track=self._corrected(surface, surface.track, options))
+            for surface in surfaces
+        ]
+
+    def render(self, surfaces: Sequence[Surface], output: Path | str, options: OutputOptions | None = None) -> Result:
+        """Lays the ads on their tracked surfaces and writes the video; later ones lie over earlier ones.
+
+        The sound of the ad, where the options ask for it, is the first ad's.
+
+        Raises:
+            InputError: surfaces without tracks, tracks of another video, files that cannot be read, an output that
+                exists, unknown codec.
+            RunError: the output cannot be written, the compositing backend is not available.
+            Stopped: see `stop`.
+        """
+        started = time.perf_counter()
+        options, output, info = options or OutputOptions(), Path(output), self.reader.info
+        check_output(output, options, self.reader.path, *(surface.ad for surface in surfaces))
+        tracks = [surface.track for surface in surfaces if surface.track is not None]
+        for track in tracks:
+            check_belongs_to(track, self.reader)
+        heard = next((surface for surface in surfaces if surface.ad is not None), surfaces[0])
+        audio = Audio(options.audio, self.reader.path, Path(heard.ad) if heard.ad else None, heard.playback)
+        with (
+            Renderer(self.reader, surfaces, options.backend) as renderer,
+            VideoWriter(
+                output,
+                info.width,
+                info.height,
+                info.rate,
+                codec=options.codec,
+                crf=options.crf,
+                audio=audio,
+                time_base=info.time_base,
+                pixel_aspect=info.pixel_aspect,
+            ) as writer,
+        ):
+            length, count = renderer.length, 0
+            show = Stage(self.listen, "render", 0, length)
+            for frame in renderer.draw(self._stop.watch(self.reader.frames(0, length))):
+                writer.write(frame.image, frame.time, frame.duration)
+                count += 1
+                show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.image)
+            warnings = [warning for track in tracks for warning in track.warnings] + self.reader.warnings
+            if count < length:
+                warnings.append(
+                    f"{self.reader.path} has only {count} of the track's {length} frames: the rest is left out"
+                )
+            description = renderer.description
+        return Result(
+            output,
+            count,
+            total(track.counts for track in tracks),
+            time.perf_counter() - started,
+            description,
+            list(dict.fromkeys([*warnings, *audio.warnings])),
+            [{"ad": s.name, "states": track.counts} for s, track in zip(surfaces, tracks, strict=True)],
+        )
+
+    def _corrected(self, surface: Surface, track: Track, options: TrackingOptions) -> Track:
+        if not needs_correction(track, surface.keyframes):
+            return track
+        corrected, anew = self._passes(options).correct(track, surface.keyframes)
+        return smooth(corrected, options.smooth, anew)
+
+    def _passes(self, options: TrackingOptions) -> Passes:
+        if self._make_tracker is None:
+            self._make_tracker = hdn_trackers(options)
+        return Passes(self.reader, self._make_tracker, options, self.listen, self._stop)
+
+
+def check_output(output: Path, options: OutputOptions, *inputs: Path | str | None) -> None:
+    """Raises InputError where the output may not be written: it exists, is an input, or its folder is missing."""
+    if not output.parent.is_dir():
+        raise InputError(f"the output folder {output.parent} does not exist: make it first")
+    if any(source is not None and Path(source).resolve() == output.resolve() for source in inputs):
+        raise InputError(f"{output} is an input as well: choose another output with -o")
+    if output.exists() and not options.overwrite:
+        raise InputError(f"{output} exists already: choose another output with -o, or give --overwrite")
+
+
+def check_belongs_to(track: Track, reader: VideoReader) -> None:
+    """Checks that a track was measured on this video.
+
+    Raises:
+        InputError: the video has another size, other pictures, or other times.
+    """
+    source, info = track.source, reader.info
+    advice = "give the video that it was made from, or track this one"
+    if (source.width, source.height) != (info.width, info.height):
+        raise InputError(
+            f"the track is of {source.path} ({source.width}x{source.height}), not of {reader.path} "
+            f"({info.width}x{info.height}): {advice}"
+        )
+    if source.fingerprint not in (None, fingerprint(reader.path, len(track))):
+        raise InputError(f"the track is of {source.path}, and {reader.path} shows something else: {advice}")
+    for index, (ours, theirs) in enumerate(zip(track.times, reader.times, strict=False)):
+        if abs(ours - theirs) > TIME_TOLERANCE:
+            raise InputError(
+                f"the track is of {source.path}, and frame {index} of {reader.path} comes at {float(theirs):.3f} s "
+                f"instead of {float(ours):.3f} s: {advice}"
+            )

@@ -1,0 +1,143 @@
+"""One video from opening to output: stopping, progress, trackers of one's own, tracks of other videos."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from ar_demo import OutputOptions, Progress, Session, Stopped, Surface, TrackingOptions
+from ar_demo.errors import InputError
+from hdn import Estimate, Observation
+from hdn.evidence import Evidence
+from hdn.imaging.arrays import Array
+from hdn.imaging.homography import transform
+
+from .clips import make_clip
+from .scenes import Scene, path, texture
+
+FRAMES = 16
+OPENCV = OutputOptions(backend="opencv")
+
+
+class Still:
+    """A tracker that takes the surface for one that does not move."""
+
+    def init(self, frame: Observation, quad: Array) -> None:
+        self.quad = self.corners = quad
+
+    def place(self, homography: Array) -> None:
+        self.corners = transform(homography, self.quad)
+
+    def lose(self) -> None: ...
+
+    def track(self, frame: Observation) -> Estimate:
+        return Estimate(np.eye(3), self.corners, "tracked", 1.0, 0.1, np.ones((8, 8), np.float32), Evidence())
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    scene = Scene()
+    images = [scene.draw(corners) for corners in path(scene.quad, FRAMES)]
+    return make_clip(tmp_path_factory.mktemp("clip") / "a.mp4", images, rate=25)
+
+
+@pytest.fixture(scope="module")
+def ad(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("ad") / "ad.png"
+    cv2.imwrite(str(file), texture(2, 80, 60))
+    return file
+
+
+def test_a_tracker_of_ones_own(clip: Path, ad: Path, tmp_path: Path) -> None:
+    with Session(clip, make_tracker=Still) as session:
+        [surface] = session.track([Surface(ad, Scene().quad)])
+        result = session.render([surface], tmp_path / "o.mp4", OPENCV)
+    assert surface.track is not None
+    np.testing.assert_allclose(surface.track.corners, np.repeat(Scene().quad[None], FRAMES, 0), atol=1e-6)
+    assert (result.frames, result.states) == (FRAMES, {"tracked": FRAMES, "held": 0, "lost": 0})
+
+
+def test_progress_tells_stage_states_and_frame(clip: Path, ad: Path, tmp_path: Path) -> None:
+    seen: list[tuple[str, int, int | None, str | None, int | None]] = []
+    shapes = set()
+
+    def listen(event: Progress) -> None:
+        assert event.preview is not None
+        shapes.add(event.preview.shape)
+        seen.append((event.stage, event.done, event.total, event.state, event.surface))
+
+    with Session(clip, listen, Still) as session:
+        surfaces = session.track([Surface(ad, Scene().quad), Surface(ad, Scene().quad + 2)])
+        session.render(surfaces, tmp_path / "o.mp4", OPENCV)
+    assert seen == [(s, i, FRAMES, "tracked", 0) for s in ("track", "render") for i in range(1, FRAMES + 1)]
+    assert shapes == {(240, 320, 3)}
+
+
+@pytest.mark.parametrize("stage", ["track", "render"])
+def test_stops_from_another_thread_and_leaves_nothing(clip: Path, ad: Path, tmp_path: Path, stage: str) -> None:
+    seen: list[str] = []
+    before = set(threading.enumerate())
+
+    def listen(event: Progress) -> None:
+        seen.append(event.stage)
+        if event.stage == stage and event.done == 3:
+            thread = threading.Thread(target=session.stop)
+            thread.start()
+            thread.join()
+
+    with Session(clip, listen, Still) as session:
+
+        def work() -> None:
+            session.render(session.track([Surface(ad, Scene().quad)]), tmp_path / "o.mp4", OPENCV)
+
+        with pytest.raises(Stopped, match="stopped"):
+            work()
+    assert seen.count(stage) == 3
+    assert list(tmp_path.iterdir()) == []
+    assert set(threading.enumerate()) <= before
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda images: [texture(i, 320, 240) for i in range(FRAMES)], "shows something else"),
+        (lambda images: images[:-4], "shows something else"),
+        (lambda images: [image[:200] for image in images], "320x240"),
+    ],
+)
+def test_refuses_a_track_of_another_video(
+    clip: Path, ad: Path, tmp_path: Path, make: Callable[[list[np.ndarray]], list[np.ndarray]], message: str
+) -> None:
+    scene = Scene()
+    images = [scene.draw(corners) for corners in path(scene.quad, FRAMES)]
+    other = make_clip(tmp_path / "other.mp4", make(images), rate=25)
+    with Session(clip, make_tracker=Still) as session:
+        [surface] = session.track([Surface(ad, scene.quad)])
+    with Session(other) as session, pytest.raises(InputError, match=message):
+        session.render([surface], tmp_path / "o.mp4", OPENCV)
+    assert [p.name for p in tmp_path.iterdir()] == ["other.mp4"]
+
+
+def test_a_track_is_of_its_video_in_another_container_too(clip: Path, ad: Path, tmp_path: Path) -> None:
+
+    copy = tmp_path / "copy.mkv"
+    with av.open(str(clip)) as source, av.open(str(copy), "w") as target:
+        stream = target.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(source.streams.video[0]):
+            if packet.dts is not None:
+                packet.stream = stream
+                target.mux(packet)
+    with Session(clip, make_tracker=Still) as session:
+        [surface] = session.track([Surface(ad, Scene().quad)], TrackingOptions(smooth=0))
+    with Session(copy) as session:
+        assert session.render([surface], tmp_path / "o.mp4", OPENCV).frames == FRAMES
+
+
+def test_a_surface_without_a_track_is_not_rendered(clip: Path, ad: Path, tmp_path: Path) -> None:
+    with Session(clip) as session, pytest.raises(InputError, match="track it first"):
+        session.render([Surface(ad, Scene().quad)], tmp_path / "o.mp4", OPENCV)
+    assert list(tmp_path.iterdir()) == []
