@@ -23,28 +23,31 @@ class Index:
         pts: each frame's timestamp in ticks, None where the file has none.
         times: each frame's time in seconds.
         keys: indices of the key frames, from which decoding can begin.
+        targets: of each key frame the timestamp to seek to, None where there is none.
         whole: whether these are all frames of the video.
     """
 
     pts: list[int | None] = field(default_factory=list)
     times: list[Fraction] = field(default_factory=list)
     keys: list[int] = field(default_factory=list)
+    targets: list[int | None] = field(default_factory=list)
     whole: bool = False
 
     def __len__(self) -> int:
         return len(self.pts)
 
-    def append(self, pts: int | None, time: Fraction, key: bool) -> None:
+    def append(self, pts: int | None, time: Fraction, key: bool, target: int | None) -> None:
         """Adds the frame that is shown next."""
         if key:
             self.keys.append(len(self.pts))
+            self.targets.append(target)
         self.times.append(time)
         self.pts.append(pts)
 
-    def key_before(self, frame: int) -> int:
-        """Index of the last key frame up to `frame`; 0 where there is none, for there decoding begins anyhow."""
+    def key_before(self, frame: int) -> tuple[int, int | None]:
+        """The last key frame up to `frame` and the timestamp to seek to; (0, None) where there is none."""
         found = bisect.bisect_right(self.keys, frame)
-        return self.keys[found - 1] if found else 0
+        return (self.keys[found - 1], self.targets[found - 1]) if found else (0, None)
 
     def covers(self, stop: int | None) -> bool:
         """Whether all frames before `stop` are known; None: all of the video."""
@@ -52,7 +55,8 @@ class Index:
 
     def first(self, count: int) -> Index:
         """The first frames alone, of which it is not known whether they are all."""
-        return Index(self.pts[:count], self.times[:count], self.keys[: bisect.bisect_left(self.keys, count)])
+        keys = bisect.bisect_left(self.keys, count)
+        return Index(self.pts[:count], self.times[:count], self.keys[:keys], self.targets[:keys])
 
 
 def demux(path: Path) -> Index | None:
@@ -71,7 +75,8 @@ def demux(path: Path) -> Index | None:
     container, stream = open_video(path)
     with container:
         base = stream.time_base or 1 / frame_rate(stream)
-        found: list[tuple[int, bool]] = []
+        by_pts = "matroska" in container.format.name  # whose seeking goes by pts; all others' goes by dts
+        found: list[tuple[int, bool, int | None]] = []
         reason = ""
         try:
             for count, packet in enumerate(container.demux(stream)):
@@ -86,15 +91,15 @@ def demux(path: Path) -> Index | None:
                 if reason or packet.pts is None:
                     break
                 if not packet.is_discard:
-                    found.append((packet.pts, packet.is_keyframe))
+                    found.append((packet.pts, packet.is_keyframe, packet.pts if by_pts else packet.dts))
         except (av.FFmpegError, OSError):
             reason = "it breaks off"
-    found.sort()
+    found.sort(key=lambda each: each[0])
     index = Index(whole=True)
-    for pts, key in found:
+    for pts, key, target in found:
         if index.pts and pts == index.pts[-1]:
             reason = "packets share timestamps"
-        index.append(pts, pts * base, key)
+        index.append(pts, pts * base, key, target)
     if reason or not found:
         log.info("%s cannot be searched by its packets (%s): it is decoded from the start", path.name, reason)
         return None

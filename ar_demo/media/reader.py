@@ -297,7 +297,7 @@ class VideoReader:
             if number < len(self._index) and (pts, time) != (self._index.pts[number], self._index.times[number]):
                 self._drop(number)
             if number == len(self._index):
-                self._index.append(pts, time, key)
+                self._index.append(pts, time, key, pts)
             self._confirmed = number + 1
 
     def _confirm_end(self, count: int) -> None:
@@ -318,15 +318,16 @@ class VideoReader:
             )
 
     def _demux(self) -> None:
-        """Makes the index of all frames, unless that was tried already or decoding has told them."""
+        """Makes the index of all frames, once, and keeps it where it agrees with what has been decoded."""
         with self._demuxing:
-            if self._demuxed or self._index.whole:
+            if self._demuxed:
                 return
             self._demuxed = True
             found = demux(self.path)
             with self._lock:
                 known = self._index
-                if found is None or found.pts[: len(known)] != known.pts or found.times[: len(known)] != known.times:
+                count = None if known.whole else len(known)
+                if found is None or found.pts[:count] != known.pts or found.times[:count] != known.times:
                     return
                 self._index = found
             if self._confirmed < CHECKED_FRAMES:
@@ -349,13 +350,13 @@ class VideoReader:
 
     def _decode_range(self, start: int, stop: int | None) -> Iterator[_Decoded]:
         """Frames start to stop - 1, by seeking to the key frame before them where that proves exact."""
-        if start > CHECKED_FRAMES and not self._index.covers(stop):
+        if start > CHECKED_FRAMES:
             self._demux()
         if self._index.whole and start >= len(self._index):
             return
-        key = self._index.key_before(start) if self._index.covers(stop) else 0
-        if key > 0 and self._index.pts[key] is not None:
-            for decoded in self._seek_and_decode(key, start, stop):
+        key, target = self._index.key_before(start) if self._index.covers(stop) else (0, None)
+        if key > 0 and target is not None:
+            for decoded in self._seek_and_decode(key, target, start, stop):
                 yield decoded
                 start = decoded.index + 1
             if start == stop:
@@ -368,18 +369,19 @@ class VideoReader:
             if decoded.index >= start:
                 yield decoded
 
-    def _seek_and_decode(self, key: int, start: int, stop: int | None) -> Iterator[_Decoded]:
-        """As _decode_range, from key frame `key`; ends before `stop` where other frames come than the index has."""
+    def _seek_and_decode(self, key: int, target: int, start: int, stop: int | None) -> Iterator[_Decoded]:
+        """As _decode_range, from key frame `key` at timestamp `target`; ends where others come than the index has."""
         container, stream = self._open()
         index, number = self._index, key
         try:
-            key_pts = index.pts[key]
-            assert key_pts is not None
-            container.seek(key_pts, stream=stream)
+            container.seek(target, stream=stream)
             for frame in decode(container, stream, lambda: None):
-                if number == key and frame.pts is not None and frame.pts < key_pts:
+                pts = None if number == len(index) else index.pts[number]
+                if frame.pts is None or pts is None:
+                    return
+                if number == key and frame.pts < pts:
                     continue  # from before the key frame: the seek landed earlier, or an open group's leading frames
-                if frame.pts is None or number == len(index) or frame.pts != index.pts[number]:
+                if frame.pts != pts:
                     return
                 if number >= start:
                     with self._lock:
