@@ -6,11 +6,14 @@ do not (measured: mean error 0.02 against -1.2 grey levels), which matters becau
 
 from __future__ import annotations
 
+from typing import Literal
+
 import av
 import cv2
 import numpy as np
 from av.video.reformatter import ColorRange, Interpolation, VideoReformatter
-from numpy.typing import NDArray
+
+from hdn.imaging.arrays import Picture
 
 _ACCURATE_RND, _FULL_CHROMA = 0x40000, 0x2000  # SWS_ACCURATE_RND and SWS_FULL_CHR_H_INT, which PyAV 17 does not name
 _TO_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND | _FULL_CHROMA
@@ -43,6 +46,11 @@ def is_hdr(frame: av.VideoFrame) -> bool:
     return frame.color_trc in (16, 18)
 
 
+def depth_of(frame: av.VideoFrame) -> int:
+    """Bits per sample (8, 10, 12 ...) of the picture as it is coded."""
+    return max(component.bits for component in frame.format.components)
+
+
 def rotation_of(frame: av.VideoFrame) -> int:
     """Counterclockwise turn in degrees (0, 90, 180 or 270) that makes the decoded picture upright."""
     return round(frame.rotation / 90) % 4 * 90
@@ -51,16 +59,28 @@ def rotation_of(frame: av.VideoFrame) -> int:
 class ToRGB:
     """Converts decoded frames to upright RGB (or RGBA) arrays; keeps swscale's tables between frames."""
 
-    def __init__(self, alpha: bool = False) -> None:
-        self._format = "rgba" if alpha else "rgb24"
+    def __init__(self, alpha: bool = False, depth: Literal[8, 16] = 8) -> None:
+        """Chooses the arrays' form.
+
+        Args:
+            alpha: RGBA rather than RGB.
+            depth: bits per sample: 8 for uint8, 16 for uint16 in full scale, made from the source's own depth.
+        """
+        self._format = {(False, 8): "rgb24", (True, 8): "rgba", (False, 16): "rgb48le", (True, 16): "rgba64le"}[
+            alpha, depth
+        ]
         self._reformatter = VideoReformatter()
 
-    def __call__(
-        self, frame: av.VideoFrame, rotation: int = 0, size: tuple[int, int] | None = None
-    ) -> NDArray[np.uint8]:
-        """Returns uint8 (H, W, 3 or 4), writable and C-contiguous, turned counterclockwise by `rotation` degrees.
+    def __call__(self, frame: av.VideoFrame, rotation: int = 0, size: tuple[int, int] | None = None) -> Picture:
+        """Converts a frame.
 
-        size: (width, height) in pixels to scale to before turning; None keeps the frame's.
+        Args:
+            frame: as decoded.
+            rotation: counterclockwise degrees (0, 90, 180 or 270) to turn it by.
+            size: (width, height) in px to scale to before turning; None keeps the frame's.
+
+        Returns:
+            (H, W, 3 or 4), uint8 or uint16, writable and C-contiguous.
         """
         width, height = size or (frame.width, frame.height)
         rgb = self._reformatter.reformat(
@@ -73,22 +93,27 @@ class ToRGB:
             dst_color_range=ColorRange.JPEG,
             interpolation=_TO_RGB,
         )
-        image = np.ascontiguousarray(rgb.to_ndarray(), dtype=np.uint8)
+        image: Picture = np.ascontiguousarray(rgb.to_ndarray())
         if rotation:
-            image = cv2.rotate(image, _TURNS[rotation]).astype(np.uint8, copy=False)
+            image = cv2.rotate(image, _TURNS[rotation])
         return image
 
 
 class FromRGB:
-    """Converts RGB arrays to frames of `pix_fmt` in BT.709, limited range."""
+    """Converts RGB arrays to frames of one pixel format in BT.709, limited range."""
 
     def __init__(self, pix_fmt: str) -> None:
+        """Args: pix_fmt: FFmpeg's name of the pixel format, such as "yuv420p" or "yuv420p10le"."""
         self._pix_fmt = pix_fmt
         self._reformatter = VideoReformatter()
 
-    def __call__(self, image: NDArray[np.uint8]) -> av.VideoFrame:
-        """image: uint8 (H, W, 3). It is copied: it may be changed as soon as this returns."""
-        frame = av.VideoFrame.from_numpy_buffer(np.ascontiguousarray(image), "rgb24")
+    def __call__(self, image: Picture) -> av.VideoFrame:
+        """Converts (H, W, 3), uint8 or uint16. It is copied: it may be changed as soon as this returns."""
+        image = np.ascontiguousarray(image)
+        if image.dtype == np.uint16:
+            frame = av.VideoFrame.from_ndarray(image, "rgb48le")
+        else:
+            frame = av.VideoFrame.from_numpy_buffer(image, "rgb24")
         return self._reformatter.reformat(
             frame,
             format=self._pix_fmt,

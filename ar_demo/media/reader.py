@@ -1,40 +1,58 @@
-"""Reading a video: upright RGB frames with exact times, forwards and backwards."""
+"""Reading a video: upright RGB frames with exact times, forwards and backwards, from any frame on."""
 
 from __future__ import annotations
 
-import bisect
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from threading import Lock
+from types import TracebackType
+from typing import Literal
 
 import av
-import numpy as np
 from av.container import InputContainer
 from av.video.stream import VideoStream
-from numpy.typing import NDArray
 
-from ..closing import Closing
-from ..errors import InputError
+from hdn.imaging.arrays import Picture
+
+from ..errors import InputError, RunError
 from . import color
 from .decode import Clock, decode, frame_rate, open_video, stream_duration
+from .index import Index, demux
 
 log = logging.getLogger(__name__)
 
 BACKWARD_BYTES = 256 << 20  # decoded (not yet RGB) frames held at once while reading backwards
+CHECKED_FRAMES = 16  # the first frames, decoded to see that packets and frames of a video agree
+
+
+class IndexDropped(RunError):
+    """Frames were numbered by the video's packets, and decoding shows that these numbers are wrong.
+
+    It happens where packets in the middle of a file do not decode. The reader goes by decoding alone from then on, so
+    that its numbers are right: whoever asked for frames by number starts over with the same reader.
+    """
 
 
 @dataclass(frozen=True)
 class VideoInfo:
     """What a video file says of itself.
 
-    width, height: as displayed, after the rotation in the file is applied.
-    rate: average frames per second. time_base: seconds per timestamp tick.
-    frames, duration (seconds): the container's estimates, None where it gives none.
-    rotation: counterclockwise turn in degrees that was needed to make the frames upright.
-    pixel_aspect: width of a pixel over its height, as displayed.
-    matrix: "bt709", "bt601", "bt2020", "smpte240m", "fcc" or "rgb"; untagged is BT.601 below 720 lines, else BT.709.
+    Attributes:
+        path: the file.
+        width, height: px, as displayed, after the rotation in the file is applied.
+        rate: average frames per second.
+        time_base: seconds per timestamp tick.
+        frames: the container's estimate, None where it gives none.
+        duration: seconds, the container's estimate, None where it gives none.
+        rotation: counterclockwise turn in degrees that was needed to make the frames upright.
+        pixel_aspect: width of a pixel over its height, as displayed.
+        depth: bits per sample of the source.
+        matrix: "bt709", "bt601", "bt2020", "smpte240m", "fcc" or "rgb"; untagged is "bt601" below 720 lines.
+        full_range: whether black is 0 and white the largest value.
+        has_audio: whether there is sound beside the picture.
     """
 
     path: Path
@@ -46,6 +64,7 @@ class VideoInfo:
     duration: Fraction | None
     rotation: int
     pixel_aspect: Fraction
+    depth: int
     matrix: str
     full_range: bool
     has_audio: bool
@@ -53,15 +72,19 @@ class VideoInfo:
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture: index from 0, exact time and duration in seconds, image uint8 (H, W, 3) RGB, upright.
+    """One picture.
 
-    The duration lasts until the next frame, the last frame's until the end that the container states.
+    Attributes:
+        index: from 0.
+        time: exact, in seconds.
+        duration: seconds until the next frame; the last frame's until the end that the container states.
+        image: (H, W, 3) RGB, upright; uint8, or uint16 from 0 to 65535 where the reader was asked for 16 bits.
     """
 
     index: int
     time: Fraction
     duration: Fraction
-    image: NDArray[np.uint8]
+    image: Picture
 
 
 @dataclass(frozen=True)
@@ -71,34 +94,47 @@ class _Decoded:
     frame: av.VideoFrame
 
 
-class VideoReader(Closing):
-    """Reads a video file frame by frame.
+class VideoReader:
+    """Reads a video file frame by frame. A context manager.
 
-    Every iteration opens the file anew, so several may run side by side. What is wrong with the file but does not
-    stop the reading is appended to `warnings` (and logged).
+    Every iteration opens the file anew, so several may run side by side. Frames are numbered as decoding from the
+    start numbers them. A late frame is reached by seeking, with an index of the file's packets that is made when it is
+    first needed; wherever decoding does not agree with it, the file is decoded from the start instead.
 
-    Raises InputError where the file is missing, unreadable, no video, or has no picture that can be decoded.
+    Attributes:
+        path: the file.
+        info: what it says of itself.
+        warnings: what is wrong with the file but does not stop the reading (logged as well).
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, depth: Literal[8, 16] = 8) -> None:
+        """Opens a video and decodes its first frame.
+
+        Args:
+            path: the file.
+            depth: bits per sample of the frames: 8 gives uint8; 16 gives uint16 in full scale, without going through 8.
+
+        Raises:
+            InputError: the file is missing, unreadable, no video, or has no picture that can be decoded.
+        """
         self.path = Path(path)
         self.warnings: list[str] = []
+        self._depth: Literal[8, 16] = depth
         self._containers: list[InputContainer] = []
-        self._pts: list[int | None] = []  # timestamp of each frame, learnt while decoding
-        self._times: list[Fraction] = []  # and its time
-        self._keys: list[int] = []  # indices of the key frames
-        self._complete = False  # whether the whole file has been decoded
+        self._index = Index()
+        self._confirmed = 0  # its first frames that decoding from the start has given
+        self._relied = -1  # the highest number not confirmed by which a frame was given out
+        self._demuxed = False
+        self._lock, self._demuxing = Lock(), Lock()  # iterations may run in several threads
         self.info = self._probe()
 
-    @property
-    def times(self) -> list[Fraction]:
-        """Times of the frames, seconds, as far as they are known."""
-        return self._times
+    def __enter__(self) -> VideoReader:
+        return self
 
-    @property
-    def seekable(self) -> bool:
-        """Whether all times are known, and late frames are reached without decoding those before them."""
-        return False
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
 
     def close(self) -> None:
         """Closes what unfinished iterations hold open."""
@@ -106,24 +142,46 @@ class VideoReader(Closing):
             container.close()
         self._containers.clear()
 
+    @property
+    def seekable(self) -> bool:
+        """Whether all frames' times and key frames are known, by the packets or since all has been decoded."""
+        self._demux()
+        return self._index.whole
+
+    @property
+    def times(self) -> list[Fraction]:
+        """Times of all frames in seconds; of those decoded so far where the reader is not `seekable`."""
+        self._demux()
+        return self._index.times[:]
+
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
-        """Frames start to stop - 1 (to the end for None). Decoding always begins at the first frame."""
-        to_rgb = color.ToRGB()
+        """Frames start to stop - 1 (to the end for None).
+
+        Raises:
+            IndexDropped: frames were given out under numbers that prove wrong, by this iteration or another.
+        """
+        to_rgb = color.ToRGB(depth=self._depth)
         waiting = None  # a frame whose duration is known once the next one is decoded
-        for decoded in self._decode(None if stop is None else stop + 1):
-            if waiting is not None and waiting.index >= start:
+        for decoded in self._decode_range(start, None if stop is None else stop + 1):
+            if waiting is not None:
                 yield self._finish(waiting, to_rgb)
             waiting = decoded
-        if waiting is not None and waiting.index >= start and (stop is None or waiting.index < stop):
+        if waiting is not None and (stop is None or waiting.index < stop):
             yield self._finish(waiting, to_rgb)
 
     def backward(self, stop: int, start: int = 0) -> Iterator[Frame]:
-        """Frames stop - 1, stop - 2 ... start, the same as reading forward and reversing, in bounded memory."""
-        if stop >= len(self._times) and not self._complete:
+        """Frames stop - 1, stop - 2 ... start, the same as reading forward and reversing, in bounded memory.
+
+        Raises:
+            IndexDropped: as `frames`.
+        """
+        if not self._index.covers(stop + 1):
+            self._demux()
+        if not self._index.covers(stop + 1):
             for _ in self._decode(stop + 1):  # one more tells how long the last one lasts
                 pass
-        stop = min(stop, len(self._times))
-        to_rgb = color.ToRGB()
+        stop = min(stop, len(self._index))
+        to_rgb = color.ToRGB(depth=self._depth)
         bytes_each = self.info.width * self.info.height * 3 // 2  # 8 bit 4:2:0; others take more, but not much
         size = max(1, BACKWARD_BYTES // bytes_each)
         while stop > start:
@@ -160,6 +218,7 @@ class VideoReader(Closing):
             duration=duration,
             rotation=self._rotation,
             pixel_aspect=1 / aspect if sideways else aspect,
+            depth=color.depth_of(frame),
             matrix=color.matrix_of(frame),
             full_range=color.is_full_range(frame),
             has_audio=bool(container.streams.audio),
@@ -191,18 +250,18 @@ class VideoReader(Closing):
         )
 
     def _duration(self, index: int) -> Fraction:
-        if index + 1 < len(self._times):
-            return self._times[index + 1] - self._times[index]
+        times = self._index.times
+        if index + 1 < len(times):
+            return times[index + 1] - times[index]
         step = 1 / self.info.rate
-        if self._promised is None or not self._complete:
+        if self._promised is None or not self._index.whole:
             return step
-        left = self._times[0] + self._promised - self._times[index]
-        return (
-            left if 0 < left < max(Fraction(1), 10 * step) else step
-        )  # else the file breaks off, or its header is wrong
+        left = times[0] + self._promised - times[index]
+        # Where it makes no sense the file breaks off, or its header is wrong.
+        return left if 0 < left < max(Fraction(1), 10 * step) else step
 
     def _decode(self, stop: int | None) -> Iterator[_Decoded]:
-        """Decodes from the first frame on and learns what seeking needs."""
+        """Decodes from the first frame on, and compares what comes with the index, or adds it."""
         container, stream = self._open()
         try:
             count = 0
@@ -218,67 +277,121 @@ class VideoReader(Closing):
 
             rate = frame_rate(stream)
             clock = Clock(rate, stream.time_base or 1 / rate)
-            time = Fraction(0)
             for frame in decode(container, stream, damaged):
                 time = clock.time(frame)
-                if count == len(self._times):
-                    self._times.append(time)
-                    self._pts.append(frame.pts)
-                    if frame.key_frame:
-                        self._keys.append(count)
+                self._confirm(count, frame.pts, time, frame.key_frame)
                 yield _Decoded(count, time, frame)
                 count += 1
                 if count == stop:
                     return
-            self._complete = True
-            self._check_length(count)
+            self._confirm_end(count)
+            self._check_length()
         finally:
             self._shut(container)
 
-    def _check_length(self, count: int) -> None:
+    def _confirm(self, number: int, pts: int | None, time: Fraction, key: bool) -> None:
+        """Takes note of what decoding from the start gave as frame `number`."""
+        with self._lock:
+            if number < self._confirmed:
+                return
+            if number < len(self._index) and (pts, time) != (self._index.pts[number], self._index.times[number]):
+                self._drop(number)
+            if number == len(self._index):
+                self._index.append(pts, time, key, pts)
+            self._confirmed = number + 1
+
+    def _confirm_end(self, count: int) -> None:
+        """Takes note of how many frames decoding from the start gave."""
+        with self._lock:
+            if count < len(self._index):
+                self._drop(count)
+            self._index.whole = True
+
+    def _drop(self, number: int) -> None:
+        """Goes by decoding alone from now on, since packets and frames differ from frame `number` on."""
+        self._index = self._index.first(number)
+        relied, self._relied = self._relied, -1
+        log.info("%s: its packets do not tell its frames from %d on: seeking goes without them", self.path.name, number)
+        if relied >= number:
+            raise IndexDropped(
+                f"{self.path} is damaged at frame {number}: later frames were counted wrongly, start over"
+            )
+
+    def _demux(self) -> None:
+        """Makes the index of all frames, once, and keeps it where it agrees with what has been decoded."""
+        with self._demuxing:
+            if self._demuxed:
+                return
+            self._demuxed = True
+            found = demux(self.path)
+            with self._lock:
+                known = self._index
+                count = None if known.whole else len(known)
+                if found is None or found.pts[:count] != known.pts or found.times[:count] != known.times:
+                    return
+                self._index = found
+            if self._confirmed < CHECKED_FRAMES:
+                for _ in self._decode(CHECKED_FRAMES):
+                    pass
+
+    def _check_length(self) -> None:
         """Many demuxers end a file that breaks off without a word: compare with the length the header promises."""
-        if self._promised is None or not count:
+        times = self._index.times
+        if self._promised is None or not times:
             return
         step = 1 / self.info.rate
-        found = self._times[count - 1] - self._times[0] + step
+        found = times[-1] - times[0] + step
         if found < self._promised - max(10 * step, Fraction(1)):
             self._warn(
-                f"{self.path.name} breaks off after frame {count - 1} "
+                f"{self.path.name} breaks off after frame {len(times) - 1} "
                 f"({float(found):.2f} of {float(self._promised):.2f} s): "
                 "what was decoded up to there is used"
             )
 
-    def _decode_range(self, start: int, stop: int) -> Iterator[_Decoded]:
+    def _decode_range(self, start: int, stop: int | None) -> Iterator[_Decoded]:
         """Frames start to stop - 1, by seeking to the key frame before them where that proves exact."""
-        key = self._keys[bisect.bisect_right(self._keys, start) - 1] if self._keys else 0
-        seekable = key > 0 and None not in self._pts[key:stop]
-        found = self._seek_and_decode(key, start, stop) if seekable else None
-        if found is None:
-            if seekable:
-                log.info("%s: seeking is inexact, decoding from the start instead", self.path.name)
-            found = [decoded for decoded in self._decode(stop) if decoded.index >= start]
-        yield from found
+        if start > CHECKED_FRAMES:
+            self._demux()
+        if self._index.whole and start >= len(self._index):
+            return
+        key, target = self._index.key_before(start) if self._index.covers(stop) else (0, None)
+        if key > 0 and target is not None:
+            for decoded in self._seek_and_decode(key, target, start, stop):
+                yield decoded
+                start = decoded.index + 1
+            if start == stop:
+                return
+            if self._index.whole and start == len(self._index):
+                self._check_length()
+                return
+            log.info("%s: seeking is inexact, decoding from the start instead", self.path.name)
+        for decoded in self._decode(stop):
+            if decoded.index >= start:
+                yield decoded
 
-    def _seek_and_decode(self, key: int, start: int, stop: int) -> list[_Decoded] | None:
-        """As _decode_range, from key frame `key`; None where other frames came than were decoded the first time."""
+    def _seek_and_decode(self, key: int, target: int, start: int, stop: int | None) -> Iterator[_Decoded]:
+        """As _decode_range, from key frame `key` at timestamp `target`; ends where others come than the index has."""
         container, stream = self._open()
+        index, number = self._index, key
         try:
-            key_pts = self._pts[key]
-            assert key_pts is not None
-            container.seek(key_pts, stream=stream)
-            index, found = key, []
+            container.seek(target, stream=stream)
             for frame in decode(container, stream, lambda: None):
-                if index == key and frame.pts is not None and frame.pts < key_pts:
+                pts = None if number == len(index) else index.pts[number]
+                if frame.pts is None or pts is None:
+                    return
+                if number == key and frame.pts < pts:
                     continue  # from before the key frame: the seek landed earlier, or an open group's leading frames
-                if frame.pts != self._pts[index]:
-                    return None
-                if index >= start:
-                    found.append(_Decoded(index, self._times[index], frame))
-                index += 1
-                if index == stop:
-                    return found
-            return None
-        except av.FFmpegError:
-            return None
+                if frame.pts != pts:
+                    return
+                if number >= start:
+                    with self._lock:
+                        if number >= self._confirmed:
+                            self._relied = max(self._relied, number)
+                    yield _Decoded(number, index.times[number], frame)
+                number += 1
+                if number == stop:
+                    return
+        except av.FFmpegError as error:
+            log.info("%s: seeking failed (%s)", self.path.name, error)
         finally:
             self._shut(container)
