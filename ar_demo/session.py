@@ -1,17 +1,19 @@
 """A session: one video, from opening to the finished output."""
 
+import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace as changed
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from .errors import InputError
 from .media.audio import Audio
 from .media.fingerprint import fingerprint
-from .media.reader import VideoReader
+from .media.reader import IndexDropped, VideoReader
+from .media.threads import ahead, behind
 from .media.writer import VideoWriter
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, Stage, silent
@@ -24,6 +26,10 @@ from .tracking.passes import Passes
 from .tracking.protocol import MakeTracker, hdn_trackers
 from .tracking.smoothing import smooth
 from .tracks import Track
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 TIME_TOLERANCE = Fraction(1, 500)  # s: times in a track file are rounded
 
@@ -74,7 +80,7 @@ class Session(AbstractContextManager["Session"]):
             if surface.track is not None:
                 check_belongs_to(surface.track, self.reader)
         new = [surface for surface in surfaces if surface.track is None]
-        measured = iter(self._passes(options).track(new) if new else [])
+        measured = iter(self._numbered_rightly(lambda: self._passes(options).track(new)) if new else [])
         return [
             changed(surface, quad=None, start=FIRST, track=smooth(next(measured), options.smooth))
             if surface.track is None
@@ -93,12 +99,17 @@ class Session(AbstractContextManager["Session"]):
             RunError: the output cannot be written, the compositing backend is not available.
             Stopped: see `stop`.
         """
-        started = time.perf_counter()
-        options, output, info = options or OutputOptions(), Path(output), self.reader.info
+        options, output = options or OutputOptions(), Path(output)
         check_output(output, options, self.reader.path, *(surface.ad for surface in surfaces))
         tracks = [surface.track for surface in surfaces if surface.track is not None]
         for track in tracks:
             check_belongs_to(track, self.reader)
+        return self._numbered_rightly(lambda: self._render(surfaces, tracks, output, options))
+
+    def _render(
+        self, surfaces: Sequence[Surface], tracks: Sequence[Track], output: Path, options: OutputOptions
+    ) -> Result:
+        started, info = time.perf_counter(), self.reader.info
         heard = next((surface for surface in surfaces if surface.ad is not None), surfaces[0])
         audio = Audio(options.audio, self.reader.path, Path(heard.ad) if heard.ad else None, heard.playback)
         with (
@@ -114,11 +125,13 @@ class Session(AbstractContextManager["Session"]):
                 time_base=info.time_base,
                 pixel_aspect=info.pixel_aspect,
             ) as writer,
+            ahead(self.reader.frames(0, renderer.length)) as frames,
+            behind(writer.write) as write,
         ):
             length, count = renderer.length, 0
             show = Stage(self.listen, "render", 0, length)
-            for frame in renderer.draw(self._stop.watch(self.reader.frames(0, length))):
-                writer.write(frame.image, frame.time, frame.duration)
+            for frame in renderer.draw(self._stop.watch(frames)):
+                write(frame.image, frame.time, frame.duration)
                 count += 1
                 show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.image)
             warnings = [warning for track in tracks for warning in track.warnings] + self.reader.warnings
@@ -142,6 +155,14 @@ class Session(AbstractContextManager["Session"]):
             return track
         corrected, anew = self._passes(options).correct(track, surface.keyframes)
         return smooth(corrected, options.smooth, anew)
+
+    def _numbered_rightly(self, work: Callable[[], T]) -> T:
+        """What the work gives; it starts over where the file's packets proved to number its frames wrongly."""
+        try:
+            return work()
+        except IndexDropped:
+            log.warning("%s: packets and frames do not agree: starting over by decoding alone", self.reader.path.name)
+            return work()
 
     def _passes(self, options: TrackingOptions) -> Passes:
         if self._make_tracker is None:

@@ -87,8 +87,9 @@ class Renderer(AbstractContextManager["Renderer"]):
 
     def draw(self, frames: Iterable[Frame]) -> Iterator[Frame]:
         """Frames from the video, in their order, with the ads on them: they are drawn into in place."""
+        zero = self._reader.times[0]
         for frame in frames:
             seen = [drawn.conditions(frame.index, frame.image) for drawn in self._drawn]  # before anything is drawn
             for drawn, conditions in zip(self._drawn, seen, strict=True):
-                drawn.draw(frame, frame.time - self._reader.times[0], conditions)
+                drawn.draw(frame, frame.time - zero, conditions)
             yield frame

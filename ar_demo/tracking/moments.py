@@ -36,11 +36,12 @@ def starts(reader: VideoReader, surfaces: Sequence[Surface], end: Moment, stop: 
         InputError: one of these is beyond the end.
     """
     named = [("start", s.start) for s in surfaces] + [("keyframe", k.at) for s in surfaces for k in s.keyframes]
+    zero = reader.times[0]
     if not reader.seekable:
-        for frame in until(stop.watch(reader.frames()), end, reader.times[0]):
-            if all(moment.reached(frame.index, frame.time - reader.times[0]) for _, moment in named):
+        for frame in until(stop.watch(reader.frames()), end, zero):
+            if all(moment.reached(frame.index, frame.time - zero) for _, moment in named):
                 break
-    times = [time for i, time in enumerate(reader.times) if _is_within(end, i, time - reader.times[0])]
+    times = [time for i, time in enumerate(reader.times) if _is_within(end, i, time - zero)]
     for name, moment in named:
         if index_of(moment, times) is None:
             raise InputError(f"{name} ({moment}) is beyond the end: {reader.path} has {len(times)} frames up to there")

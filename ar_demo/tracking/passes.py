@@ -15,6 +15,7 @@ from hdn.imaging.arrays import Array
 from ..errors import InputError
 from ..media.fingerprint import fingerprint
 from ..media.reader import VideoReader
+from ..media.threads import ahead
 from ..options import TrackingOptions
 from ..progress import Listener, Stage
 from ..stopping import StopSignal
@@ -211,26 +212,33 @@ class Passes:
             Index of the frame after the last that was seen.
         """
         followers = [target.follower(r) for target, r in zip(targets, runs, strict=True)]
-        frames = self.stop.watch(self.reader.frames(first, stop))
-        if stop is None:
-            frames = until(frames, self.options.end, self.reader.times[0])
-        total = self.reader.info.frames if stop is None else stop - first
-        show = Stage(self.listen, stage, first if stop is None else 0, total)
-        return sweep(frames, followers, self.cuts, show)
+        show = Stage(self.listen, stage, first if stop is None else 0, self._total(first, stop))
+        with ahead(self.reader.frames(first, stop)) as read:
+            frames = self.stop.watch(read)
+            if stop is None:
+                frames = until(frames, self.options.end, self.reader.times[0])
+            return sweep(frames, followers, self.cuts, show)
+
+    def _total(self, first: int, stop: int | None) -> int | None:
+        """Frames that a pass goes through, or all of the video's for one to the end, as far as that is known."""
+        if stop is not None:
+            return stop - first
+        return len(self.reader.times) if self.reader.seekable else self.reader.info.frames
 
     def _back(
         self, targets: Sequence[Target], forward: Sequence[list[Run]], back: Sequence[list[Run]], prefix: str = ""
     ) -> None:
         """After the runs forward: those backward, and gaps that they or these leave, looked at from their other end."""
-        for target, ahead, runs in zip(targets, forward, back, strict=True):
+        for target, gone, runs in zip(targets, forward, back, strict=True):
             track = target.known
-            if ahead and ahead[-1].stop is None:
+            if gone and gone[-1].stop is None:
                 runs += gap_runs(track, max(track.given), len(track) - 1, backward=True)
         followers = [target.follower(runs) for target, runs in zip(targets, back, strict=True)]
         stretches = backward_stretches(chain.from_iterable(back))
         show = Stage(self.listen, prefix + "track back", 0, sum(high + 1 - low for low, high in stretches))
         for low, high in stretches:
-            sweep(self.stop.watch(self.reader.backward(high + 1, low)), followers, self.cuts, show)
+            with ahead(self.reader.backward(high + 1, low)) as frames:
+                sweep(self.stop.watch(frames), followers, self.cuts, show)
         gaps = []
         for target, runs in zip(targets, back, strict=True):
             for run in runs:
