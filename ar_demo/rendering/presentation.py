@@ -10,7 +10,7 @@ from ..tracking.smoothing import segments
 from ..tracks import Track
 
 FADE_SECONDS = 0.25  # that the ad takes to go and to come back
-GLIDE_SECONDS = 0.25  # before a lost surface is found, that a held ad takes to its place
+GLIDE_SECONDS = 0.25  # that a held ad takes to where the surface is found again
 
 
 def presentation(track: Track, surface: Surface) -> tuple[Array, NDArray[np.float64]]:

@@ -4,17 +4,34 @@ A low-pass whose cutoff rises with speed: at rest, where jitter shows, it smooth
 follows.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from hdn.imaging.arrays import Array
 
 from .smoothing import MODES
 
-MIN_CUTOFF = 1.0  # Hz, at rest
-# Hz per px/s of a mode; corners that go together at v px/s make 2 v. So they lag by v / (2 pi (MIN_CUTOFF + 2 SLOPE v))
-# px: never by more than 1 px, and from a speed of 1 px a frame on, at 30 frames a second, by less than a frame.
-SLOPE = 0.08
-SPEED_CUTOFF = 1.0  # Hz, of the low-pass on the speed
+
+@dataclass(frozen=True)
+class OneEuroModel:
+    """Cutoffs of the filter.
+
+    Corners that go together at v px/s make 2 v in their mode. So they lag by v / (2 pi (rest_cutoff_hz + 2 slope v)) px:
+    never by more than 1 px, and from a speed of 1 px a frame on, at 30 frames a second, by less than a frame.
+
+    Attributes:
+        rest_cutoff_hz: at rest.
+        slope: Hz that the cutoff rises by, per px/s of a mode.
+        speed_cutoff_hz: of the low-pass on the speed.
+    """
+
+    rest_cutoff_hz: float = 1.0
+    slope: float = 0.08
+    speed_cutoff_hz: float = 1.0
+
+
+MODEL = OneEuroModel()
 
 
 class OneEuro:
@@ -34,8 +51,8 @@ class OneEuro:
             self._time, self._modes, self._speed = time, modes, np.zeros_like(modes)
             return corners
         step, self._time = time - self._time, time
-        self._speed += _share(SPEED_CUTOFF, step) * ((modes - self._modes) / step - self._speed)
-        cutoff = MIN_CUTOFF + SLOPE * np.linalg.norm(self._speed, axis=1, keepdims=True)
+        self._speed += _share(MODEL.speed_cutoff_hz, step) * ((modes - self._modes) / step - self._speed)
+        cutoff = MODEL.rest_cutoff_hz + MODEL.slope * np.linalg.norm(self._speed, axis=1, keepdims=True)
         self._modes = self._modes + _share(cutoff, step) * (modes - self._modes)
         return MODES.T @ self._modes
 

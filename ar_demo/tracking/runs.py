@@ -19,11 +19,27 @@ from hdn.state import STATES, State
 from ..tracks import Source, Track
 from .protocol import Estimate
 
-SETTLE = 30  # frames over which a correction fades where no other known pose follows
-AGREE = 0.03  # of the target's size, up to which two ways to a frame agree
-UNCERTAIN = 0.005  # of the target's size: a deviation that a good view stays well below
-FEW = 0.05  # share of the frames that may be uncertain
-SURER = 0.5  # ratio of deviations, below which a pose replaces another; at less gain, changing over would do more harm
+
+@dataclass(frozen=True)
+class JoinModel:
+    """How what was tracked on several ways becomes one track.
+
+    Attributes:
+        settle_frames: over which a correction fades where no other known pose follows.
+        agreement: distance of two ways to a frame, as a share of the target's size, up to which they agree.
+        uncertain: deviation, as a share of the target's size, that a good view stays well below.
+        uncertain_frames: share of the frames that may be uncertain before a second pass is worth it.
+        surer: ratio of deviations below which a pose replaces another; at less gain, changing over does more harm.
+    """
+
+    settle_frames: int = 30
+    agreement: float = 0.03
+    uncertain: float = 0.005
+    uncertain_frames: float = 0.05
+    surer: float = 0.5
+
+
+MODEL = JoinModel()
 UNKNOWN: Array = np.full((4, 2), np.nan)
 
 
@@ -68,7 +84,9 @@ class Run:
         """
         n = len(self.estimates)
         said = np.array([e.corners for e in self.estimates])
-        way = np.arange(n)[:, None, None] / (SETTLE if self.stop is None or self.end is None else len(self))
+        way = np.arange(n)[:, None, None] / (
+            MODEL.settle_frames if self.stop is None or self.end is None else len(self)
+        )
         out = said.copy()
         if self.estimates[0].state == "tracked":
             out += np.maximum(1 - way, 0) * (self.pose - said[0])
@@ -120,7 +138,7 @@ def lay(track: Track, run: Run) -> None:
     distance = np.sqrt(np.square(corners - here).sum(-1).mean(-1))
     ours, theirs = _tracked(states), _tracked([track.states[i] for i in frames])
 
-    weight = np.where(distance <= AGREE * size, share, confidence > track.confidence[frames])
+    weight = np.where(distance <= MODEL.agreement * size, share, confidence > track.confidence[frames])
     weight = np.where(ours & theirs, weight, ours)
     for k, i in enumerate(frames):
         if ours[k]:
@@ -137,7 +155,7 @@ def join(track: Track, other: Track) -> None:
     """Puts another track of the same frames into one, where it knows more, or the same much more certainly."""
     for i, (ours, theirs) in enumerate(zip(track.states, other.states, strict=True)):
         better = STATES.index(theirs) < STATES.index(ours)
-        if better or (theirs == ours != "lost" and other.deviation[i] < SURER * track.deviation[i]):
+        if better or (theirs == ours != "lost" and other.deviation[i] < MODEL.surer * track.deviation[i]):
             blend(track, i, other.corners[i], other.confidence[i], other.deviation[i], 1.0)
             track.states[i] = theirs
 
@@ -145,7 +163,7 @@ def join(track: Track, other: Track) -> None:
 def is_uncertain(track: Track) -> bool:
     """Whether more than a few frames are not tracked, or less surely than a good view of the target allows."""
     size = np.sqrt([abs(area(corners)) for corners in track.corners])
-    return bool((~_tracked(track.states) | (track.deviation > UNCERTAIN * size)).mean() > FEW)
+    return bool((~_tracked(track.states) | (track.deviation > MODEL.uncertain * size)).mean() > MODEL.uncertain_frames)
 
 
 def blend(track: Track, i: int, corners: Array, confidence: float, deviation: float, weight: float) -> None:

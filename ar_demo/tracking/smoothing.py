@@ -15,12 +15,31 @@ from hdn.imaging.arrays import Array
 
 from ..tracks import Track
 
-RATIOS = np.logspace(-4, 4, 13)  # of the acceleration's variance (px/frame^2)^2 to the noise's (px^2)
 MODES = np.array([[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, -1, 1], [1, -1, 1, -1]]) / 2  # orthonormal, over the corners
 STEP = np.array([[1.0, 1.0], [0.0, 1.0]])
-LEAST = 0.05  # px, below which no corner is known
-EXACT = 1e-6  # variance of given corners, where that of a usual fix is 1
-NOISE_SHAPE = np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])  # of white acceleration over one frame
+NOISE_SHAPE = np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])  # covariance of white acceleration over one frame
+
+
+@dataclass(frozen=True)
+class SmoothingModel:
+    """What is assumed of corners before a track is looked at.
+
+    Attributes:
+        ratios: tried, of the acceleration's variance (px/frame^2)^2 to the noise's (px^2): powers of ten, from, to, count.
+        least_deviation_px: below which no corner is known.
+        given_variance: of corners given by hand, where that of a usual measurement is 1.
+        speed_variance: of the first frame's speed, (px/frame)^2 in units of a usual measurement's variance.
+        fewest: measurements in a segment for it to be smoothed.
+    """
+
+    ratios: tuple[float, float, int] = (-4, 4, 13)
+    least_deviation_px: float = 0.05
+    given_variance: float = 1e-6
+    speed_variance: float = 1e4
+    fewest: int = 3
+
+
+MODEL = SmoothingModel()
 
 
 def smooth(track: Track, strength: float = 1.0, where: NDArray[np.bool_] | None = None) -> Track:
@@ -37,14 +56,14 @@ def smooth(track: Track, strength: float = 1.0, where: NDArray[np.bool_] | None 
         return track
     corners = track.corners.copy()
     fixed = np.isfinite(track.deviation) & track.known
-    variance = np.maximum(track.deviation, LEAST) ** 2
+    variance = np.maximum(track.deviation, MODEL.least_deviation_px) ** 2
     variance /= np.median(variance[fixed]) if fixed.any() else 1
     given = {i: pose for i, pose in track.given.items() if i < len(track) and fixed[i]}
-    variance[list(given)] = EXACT
+    variance[list(given)] = MODEL.given_variance
     wanted = np.array([state != "lost" for state in track.states])
     for start, stop in segments((wanted if where is None else wanted & where).tolist(), track.cuts):
         fixes = start + np.flatnonzero(fixed[start:stop])
-        if len(fixes) < 3:
+        if len(fixes) < MODEL.fewest:
             continue
         first, last = fixes[0], fixes[-1] + 1
         corners[first:last] = _smooth_segment(corners[first:last], variance[first:last], strength)
@@ -69,7 +88,7 @@ def _smooth_segment(corners: Array, variance: Array, strength: float) -> Array:
     shows, and each mode is smoothed as far as that noise explains it.
     """
     modes = np.einsum("mc,ncx->nmx", MODES, corners)
-    trials = [_filter(modes, variance, ratio) for ratio in RATIOS]
+    trials = [_filter(modes, variance, ratio) for ratio in np.logspace(*MODEL.ratios)]
     noise = min(float(max(trials, key=lambda t: t.likelihood(m)).noise(m)) for m in range(4))
     for m in range(4):
         best = max(trials, key=lambda t: t.likelihood(m, noise))
@@ -102,7 +121,7 @@ def _filter(values: Array, variance: Array, ratio: float) -> _Filtered:
     n = len(values)
     means, covariances, predicted = np.empty((n, 2, *values.shape[1:])), np.empty((n, 2, 2)), np.empty((n, 2, 2))
     mean = np.stack([values[0], np.zeros_like(values[0])])
-    covariance = np.diag([variance[0], 1e4])
+    covariance = np.diag([variance[0], MODEL.speed_variance])
     log_spread, squares, count = 0.0, np.zeros(values.shape[1]), 0
     for k in range(n):
         if k:
