@@ -17,8 +17,8 @@ from .smoothing import MODES
 class OneEuroModel:
     """Cutoffs of the filter.
 
-    Corners that go together at v px/s make 2 v in their mode. So they lag by v / (2 pi (rest_cutoff_hz + 2 slope v)) px:
-    never by more than 1 px, and from a speed of 1 px a frame on, at 30 frames a second, by less than a frame.
+    Corners that go together at v px/s make 2 v in their mode. So they lag by v / (2 pi (rest_cutoff_hz + 2 slope v))
+    px: never by more than 1 px, and from a speed of 1 px a frame on, at 30 frames a second, by less than a frame.
 
     Attributes:
         rest_cutoff_hz: at rest.

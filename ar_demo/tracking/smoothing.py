@@ -25,7 +25,8 @@ class SmoothingModel:
     """What is assumed of corners before a track is looked at.
 
     Attributes:
-        ratios: tried, of the acceleration's variance (px/frame^2)^2 to the noise's (px^2): powers of ten, from, to, count.
+        ratios: of the acceleration's variance (px/frame^2)^2 to the noise's (px^2), that are tried: the first and the
+            last power of ten, and how many.
         least_deviation_px: below which no corner is known.
         given_variance: of corners given by hand, where that of a usual measurement is 1.
         speed_variance: of the first frame's speed, (px/frame)^2 in units of a usual measurement's variance.
