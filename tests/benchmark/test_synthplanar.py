@@ -21,7 +21,7 @@ from hdn.imaging.arrays import Array, Image
 from hdn.imaging.homography import from_corners
 from hdn.imaging.quads import area, square
 
-SMALL = Setting(192, 108, 12)
+SMALL = Setting(256, 144, 12)
 DRAWN = Pictures(None)
 
 

@@ -30,7 +30,10 @@ VERSION = 1  # of the generator: whatever changes a sequence of a given seed rai
 
 @dataclass(frozen=True)
 class Setting:
-    """Frames of width x height, px, both even and 16:9; how many of them by default."""
+    """Frames of width x height, px, 16:9; how many of them by default.
+
+    The height is even, the width a multiple of 128: with others, x264 makes not quite the same file each time.
+    """
 
     width: int
     height: int

@@ -14,6 +14,11 @@ from ...errors import RunError
 from ...imaging.arrays import Image
 
 FPS = 30
+# x264's settings, by which a seed is one file on every machine and under any load: what it writes depends on how many
+# threads it has, and a lookahead in a thread of its own decides by chance. Where a frame's width is no multiple of 128,
+# its AVX-512 code for the macroblock tree reads memory that nothing has written; no setting helps but those that
+# compress worse, so that all SETTINGS have such widths.
+X264 = {"preset": "veryfast", "threads": "2", "x264-params": "sync-lookahead=0"}
 
 
 class Clip:
@@ -28,7 +33,7 @@ class Clip:
         self._part = path.with_name(f".{path.stem}.part{path.suffix}")
         try:
             self._container = av.open(str(self._part), "w", container_options={"movflags": "+faststart"})
-            options = {"crf": str(crf), "preset": "veryfast"}
+            options = {"crf": str(crf)} | X264
             self._stream = self._container.add_stream("libx264", rate=Fraction(FPS), options=options)
             self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
             context = self._stream.codec_context
