@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hdn import Observation, Tracker
-from hdn.better_template import Views
+from hdn.better_template import TemplateBuilder
 from hdn.imaging.arrays import Array
 
 from ..errors import InputError
@@ -56,7 +56,7 @@ def track_surfaces(
         targets = []
         for tracker, quad, start, corners in zip(trackers, quads, starts, keyframes, strict=True):
             tracker.init(seen[start], quad)
-            targets.append(Target(tracker, start, quad, corners, Views(seen[start], quad)))
+            targets.append(Target(tracker, start, quad, corners, TemplateBuilder(seen[start], quad)))
         del references, seen
 
         if earliest(targets) < frame.index:
@@ -77,14 +77,14 @@ class Target:
     Attributes:
         tracker: it has its target; start, quad: a frame's index and the corners (4, 2) in it.
         keyframes: corners known in other frames.
-        views: where the target's good views are kept, None where nothing is to be learnt from them.
+        builder: puts a better template together from the target's good views; None where none is to be.
     """
 
     tracker: Tracker
     start: int
     quad: Array
     keyframes: dict[int, Array]
-    views: Views | None = None
+    builder: TemplateBuilder | None = None
 
     @property
     def known(self) -> dict[int, Array]:
@@ -112,7 +112,7 @@ def both_ways(
         times: of the frames read so far; is added to.
     """
     info, first = reader.info, earliest(targets)
-    forward = [Walker(target.tracker, forward_runs(target.known), target.views) for target in targets]
+    forward = [Walker(target.tracker, forward_runs(target.known), target.builder) for target in targets]
     cuts: set[int] = set()
     walk(timed(frames, times), forward, cuts, counted(progress, "track", first, info.frames))
 
@@ -137,7 +137,7 @@ def learn(
     again: list[Target] = []
     old: list[Track] = []
     for target, track in zip(targets, tracks, strict=True):
-        learnt = target.views.learn() if target.views is not None and is_uncertain(track) else None
+        learnt = target.builder.build() if target.builder is not None and is_uncertain(track) else None
         if learnt is not None:
             tracker = Tracker(engine=target.tracker.engine)
             tracker.init(learnt.image, learnt.quad)
@@ -175,7 +175,7 @@ def look_back(
     for walker, track, runs in zip(forward, tracks, back, strict=True):
         if walker.runs and walker.runs[-1].stop is None:
             runs += gap_runs(track, max(track.given), len(track) - 1, backward=True)
-    walkers = [Walker(walker.tracker, runs, walker.views) for walker, runs in zip(forward, back, strict=True)]
+    walkers = [Walker(walker.tracker, runs, walker.builder) for walker, runs in zip(forward, back, strict=True)]
     stretches = clusters(chain.from_iterable(back))
     show = counted(progress, "track back", 0, sum(high + 1 - low for low, high in stretches))
     for low, high in stretches:
@@ -188,7 +188,7 @@ def look_back(
         gaps.append(gap_runs(track, 0, min(track.given), backward=False) if to_beginning else [])
     if stops := [run.stop or 0 for runs in gaps for run in runs]:
         first = min(run.anchor for runs in gaps for run in runs)
-        walkers = [Walker(walker.tracker, runs, walker.views) for walker, runs in zip(forward, gaps, strict=True)]
+        walkers = [Walker(walker.tracker, runs, walker.builder) for walker, runs in zip(forward, gaps, strict=True)]
         show = counted(progress, "fill gaps", 0, max(stops) + 1 - first)
         walk(reader.frames(first, max(stops) + 1), walkers, cuts, show)
         for track, runs in zip(tracks, gaps, strict=True):

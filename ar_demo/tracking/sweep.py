@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from hdn import Observation, Tracker
-from hdn.better_template import Views
+from hdn.better_template import TemplateBuilder
 from hdn.imaging.homography import from_corners
 from hdn.tracker import State
 
@@ -15,9 +15,9 @@ from .runs import Run
 class Walker:
     """A surface's tracker on its runs, which follow each other in one direction."""
 
-    def __init__(self, tracker: Tracker, runs: Iterable[Run], views: Views | None = None) -> None:
-        """Args: tracker: it has its target; runs: in any order; views: where good ones are kept, None keeps none."""
-        self.tracker, self.views = tracker, views
+    def __init__(self, tracker: Tracker, runs: Iterable[Run], builder: TemplateBuilder | None = None) -> None:
+        """Args: tracker: it has its target; runs: in any order; builder: is offered all views, None keeps none."""
+        self.tracker, self.builder = tracker, builder
         self.runs = sorted(runs, key=lambda run: -run.anchor if run.backward else run.anchor)
         self._now: Run | None = None
         self._next = 0
@@ -32,8 +32,8 @@ class Walker:
             if cut:
                 self.tracker.lose()
             estimate = self.tracker.track(frame)
-            if self.views is not None:
-                self.views.offer(index, frame, estimate)
+            if self.builder is not None:
+                self.builder.offer(index, frame, estimate)
             if not self._now.add(estimate):
                 self._now = None
         if self._begins(index):

@@ -1,4 +1,4 @@
-"""Homographies: from corners, as transforms of points, and the quads that they carry.
+"""Homographies (3, 3): made from corners or by kind, applied to points, differentiated.
 
 Pixel coordinates: x right, y down, the centre of the top-left pixel is (0, 0).
 """
@@ -41,7 +41,7 @@ def normalised(matrix: Array) -> Array:
 
 
 def transform(matrix: Array, points: Array) -> Array:
-    """Points (..., 2) through a homography (3, 3)."""
+    """Points (..., 2) mapped by a homography (3, 3)."""
     p = points @ matrix[:, :2].T + matrix[:, 2]
     return p[..., :2] / p[..., 2:]
 
@@ -74,13 +74,22 @@ def derivative(matrix: Array, points: Array, min_weight: float = -np.inf) -> Arr
     return np.asarray((matrix[:2, :2] - image[..., :, None] * matrix[2, :2]) / w[..., None])
 
 
-def parameter_rows(u: Array, v: Array, dx: NDArray[Any], dy: NDArray[Any]) -> Array:
-    """What a warp's eight parameters, its difference to the identity, move points (N,) by: (N, 8), along (dx, dy)."""
+def warp_jacobian(u: Array, v: Array, dx: NDArray[Any], dy: NDArray[Any]) -> Array:
+    """How a warp's eight parameters move points, at the identity: the rows (N, 8) of the Jacobian.
+
+    The parameters are the first eight entries, row by row, of the warp's difference to the identity.
+
+    Args:
+        u, v: (N,) the points.
+        dx, dy: (N,) the direction along which each point's motion counts; an image's gradient gives the steepest
+            descent of Lucas and Kanade.
+    """
     radial = u * dx + v * dy
     return np.stack([u * dx, v * dx, dx, u * dy, v * dy, dy, -u * radial, -v * radial], 1)
 
 
 def translation(x: float, y: float) -> Array:
+    """The homography (3, 3) that moves points by (x, y)."""
     return np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
 
 

@@ -3,6 +3,7 @@
 Pixel coordinates: x right, y down, the centre of the top-left pixel is (0, 0).
 """
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -10,9 +11,18 @@ import numpy as np
 from ..errors import InputError
 from .arrays import Array
 
-MIN_SIDE = 16  # px: a smaller target shows too little to track
-MIN_DRAWN_AREA = 0.5  # px^2: of less, nothing would be seen
-MIN_TURN_RATIO = 1e-3  # smallest to largest corner triangle of a quad that can be drawn: below it, it is flat
+
+@dataclass(frozen=True)
+class QuadLimits:
+    """What a quad may be."""
+
+    min_side_px: int = 16  # of a target: a smaller one shows too little to track
+    max_outside_px: int = 1  # of a target's corners beyond the frame: those on its very edge are fine
+    min_drawn_area_px2: float = 0.5  # of a picture: of less, nothing would be seen
+    min_turn_ratio: float = 1e-3  # smallest to largest corner's triangle of a picture: with less, it is flat
+
+
+LIMITS = QuadLimits()
 
 
 def square(size: float) -> Array:
@@ -58,7 +68,7 @@ def is_drawable(quad: Array) -> bool:
         return False
     turns = _turns(quad)
     turns = turns * np.sign(turns.sum())
-    return bool(abs(area(quad)) >= MIN_DRAWN_AREA and turns.min() > MIN_TURN_RATIO * turns.max())
+    return bool(abs(area(quad)) >= LIMITS.min_drawn_area_px2 and turns.min() > LIMITS.min_turn_ratio * turns.max())
 
 
 def _turns(quad: Array) -> Array:
@@ -84,15 +94,21 @@ def clip_polygon(polygon: Array, bounds: tuple[float, float, float, float]) -> A
 
 
 def check_quad(quad: Array, width: int, height: int) -> None:
-    """Raises InputError unless the quad (4, 2) is convex, inside a width x height frame and at least 16 px wide."""
+    """Checks that a quad (4, 2) can be a target in a frame of width x height px.
+
+    Raises:
+        InputError: it is not convex, lies outside the frame, or is under 16 px wide or high.
+    """
     if quad.shape != (4, 2) or not np.isfinite(quad).all():
         raise InputError(f"the quad has {len(quad)} points: give four corners x,y, top-left first, clockwise")
-    if ((quad < -1) | (quad > [width, height])).any():  # corners on the frame's very edge are fine
+    beyond = LIMITS.max_outside_px
+    if ((quad < -beyond) | (quad > [width - 1 + beyond, height - 1 + beyond])).any():
         raise InputError(f"the quad lies outside the {width}x{height} frame: give corners inside it")
     sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
     if not is_convex(quad):
         raise InputError(
             "the quad crosses itself, bends inward or is flat: give the corners in order around the surface"
         )
-    if sides.min() < MIN_SIDE or abs(area(quad)) < MIN_SIDE**2:
-        raise InputError(f"the quad is under {MIN_SIDE} px wide or high: choose a frame where the surface is larger")
+    smallest = LIMITS.min_side_px
+    if sides.min() < smallest or abs(area(quad)) < smallest**2:
+        raise InputError(f"the quad is under {smallest} px wide or high: choose a frame where the surface is larger")
