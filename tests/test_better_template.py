@@ -17,13 +17,14 @@ from ar_demo.tracking.passes import Passes
 from ar_demo.tracking.runs import blank, blend, join
 from ar_demo.tracks import Source, Track
 from hdn import Observation, Tracker
-from hdn.better_template import CERTAIN, Learnt, Views
+from hdn.better_template import MODEL, BetterTemplate, TemplateBuilder
 from hdn.evidence import Evidence
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import from_corners, transform
 from hdn.imaging.quads import area, square
 from hdn.networks.engine import Engine
-from hdn.tracker import Estimate, State
+from hdn.state import State
+from hdn.tracker import Estimate
 
 from .clips import Image, make_clip
 from .scenes import Scene, error, path
@@ -67,12 +68,12 @@ def estimate(corners: Array, state: State = "tracked", deviation: float = 0.5) -
     return Estimate(pose, corners, state, 0.9, deviation, np.ones((8, 8), np.float32), Evidence())
 
 
-def learnt(images: list[Image], poses: list[Array], **what: object) -> Learnt | None:
+def learnt(images: list[Image], poses: list[Array], **what: object) -> BetterTemplate | None:
     """What is learnt from images in which the target was found at these poses."""
-    views = Views(Observation(images[0]), SCENE.quad)
+    builder = TemplateBuilder(Observation(images[0]), SCENE.quad)
     for index, (image, corners) in enumerate(zip(images, poses, strict=True)):
-        views.offer(index, Observation(image), estimate(corners, **what))  # type: ignore[arg-type]
-    return views.learn()
+        builder.offer(index, Observation(image), estimate(corners, **what))  # type: ignore[arg-type]
+    return builder.build()
 
 
 @pytest.mark.parametrize("first", FIRST_VIEWS)
@@ -100,7 +101,7 @@ def test_nothing_is_learnt_from_views_no_better_than_the_first() -> None:
     assert learnt([blurred(image) for image in frames_of(as_it_is)], TRUTH) is None
 
 
-@pytest.mark.parametrize("what", [{"state": "held"}, {"deviation": 1.01 * CERTAIN * WIDEST}])
+@pytest.mark.parametrize("what", [{"state": "held"}, {"deviation": 1.01 * MODEL.max_deviation * WIDEST}])
 def test_nothing_is_learnt_from_frames_that_are_not_sure(what: dict[str, object]) -> None:
     assert learnt(frames_of(blurred), TRUTH, **what) is None
 

@@ -1,10 +1,14 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from hdn import InputError, Tracker
 from hdn.evidence import Evidence, is_fix
+from hdn.imaging.arrays import Image
+from hdn.imaging.homography import from_corners
 from hdn.networks.engine import Engine
-from hdn.tracker import HOLD_FRAMES
+from hdn.tracker import MODEL
 
 from .scenes import Scene, error, moved, path
 
@@ -55,11 +59,11 @@ def test_stays_put_then_loses_what_is_gone_and_finds_it_again(tracker: Tracker, 
     here = moved(scene.quad, (4, 2))
     tracker.track(scene.draw(here))
     states = []
-    for _ in range(HOLD_FRAMES + 3):
+    for _ in range(MODEL.hold_frames + 3):
         estimate = tracker.track(scene.draw(None))
         states.append(estimate.state)
         assert error(estimate.corners, here) < 1.0
-    assert states == ["held"] * HOLD_FRAMES + ["lost"] * 3
+    assert states == ["held"] * MODEL.hold_frames + ["lost"] * 3
     there = moved(scene.quad, (-60, 30), 0.9, 0.4)
     found = [tracker.track(scene.draw(there)) for _ in range(3)][-1]
     assert found.state == "tracked"
@@ -135,6 +139,47 @@ def test_negative_evidence_asks_for_stronger_agreement(evidence: Evidence, fix: 
 def test_refuses_impossible_quads(engine: Engine, scene: Scene, quad: list[list[float]], message: str) -> None:
     with pytest.raises(InputError, match=message):
         Tracker(engine=engine).init(scene.draw(None), np.array(quad, float))
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda tracker, frame: tracker.track(frame),
+        lambda tracker, frame: tracker.propose(frame),
+        lambda tracker, frame: tracker.place(np.eye(3)),
+        lambda tracker, frame: tracker.lose(),
+        lambda tracker, frame: tracker.quad,
+        lambda tracker, frame: tracker.homography,
+    ],
+    ids=["track", "propose", "place", "lose", "quad", "homography"],
+)
+def test_used_before_init_it_says_so(engine: Engine, scene: Scene, use: Callable[[Tracker, Image], object]) -> None:
+    with pytest.raises(InputError, match="no target yet: call init"):
+        use(Tracker(engine=engine), scene.draw(scene.quad))
+
+
+def test_a_refused_target_leaves_the_one_before(tracker: Tracker, scene: Scene) -> None:
+    with pytest.raises(InputError):
+        tracker.init(scene.draw(None), scene.quad + 1000)
+    assert tracker.track(scene.draw(scene.quad)).state == "tracked"
+    np.testing.assert_array_equal(tracker.quad, scene.quad)
+
+
+def test_proposing_does_not_move_the_tracker(tracker: Tracker, scene: Scene) -> None:
+    before = tracker.pose
+    tracker.propose(scene.draw(moved(scene.quad, (20, 5))))
+    assert tracker.pose is before
+
+
+def test_placed_it_goes_on_from_there(tracker: Tracker, scene: Scene) -> None:
+    """Where it would not have looked by itself for a target that has turned over."""
+    there = moved(scene.quad, (10, -5), 0.9, np.pi)
+    pose = from_corners(scene.quad, moved(there, (2, 1)))
+    tracker.place(2 * pose)
+    np.testing.assert_allclose(tracker.homography, pose)  # of the same homography, scaled
+    estimate = tracker.track(scene.draw(there))
+    assert estimate.state == "tracked"
+    assert error(estimate.corners, there) < 1.0
 
 
 def test_unknown_device() -> None:

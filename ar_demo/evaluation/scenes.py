@@ -14,7 +14,7 @@ import numpy as np
 
 from hdn.imaging.arrays import Array, Image
 from hdn.imaging.quads import is_convex
-from hdn.tracker import State
+from hdn.state import State
 
 from ..errors import InputError, RunError
 from ..media.reader import VideoReader

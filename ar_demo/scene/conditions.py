@@ -10,7 +10,7 @@ import numpy as np
 
 from hdn.alignment.agreement import cell_means
 from hdn.imaging.arrays import Array, Grey, Image
-from hdn.imaging.blur import between, blurred, shares
+from hdn.imaging.blur import blurred, equalising_blurs, relative_blur
 from hdn.imaging.homography import derivative, from_corners, transform, translation
 from hdn.imaging.pyramid import Pyramid
 from hdn.imaging.quads import outline
@@ -147,7 +147,7 @@ class Appearance:
             return np.zeros((2, 2))
         best = telling & (correlation >= np.median(correlation[telling]))
         where = cv2.resize(best.astype(np.float32), seen.shape[::-1], interpolation=cv2.INTER_NEAREST)
-        blur = 4 * shares(between(template, seen, where, self._window))[0]
+        blur = 4 * equalising_blurs(relative_blur(template, seen, where, self._window))[0]
         if np.linalg.eigvalsh(blur).max() < MATCHED:
             return np.zeros((2, 2))
         # What was measured by halves is checked by the whole; it tends to be too much.

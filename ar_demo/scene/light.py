@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from hdn.alignment.agreement import Cells, cell_means
 from hdn.imaging.arrays import Array, Grey, Image
-from hdn.imaging.blur import normalise, tukey
 from hdn.imaging.homography import from_corners
+from hdn.imaging.photometry import normalise, tukey
 from hdn.imaging.pyramid import Pyramid
 from hdn.imaging.quads import outline
 

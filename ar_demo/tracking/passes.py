@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from hdn import Observation
-from hdn.better_template import Views
+from hdn.better_template import TemplateBuilder
 from hdn.imaging.arrays import Array
 
 from ..errors import InputError
@@ -39,7 +39,7 @@ class Target:
         tracker: it has its target, by the quad `template` (4, 2), px, of the reference frame or of a better picture.
         start, quad: index of a frame, and the target's corners (4, 2) in it, px.
         keyframes: corners (4, 2) given in other frames, by index.
-        views: where the target's good views are kept; None where nothing is to be learnt from them.
+        builder: puts a better template together from the target's good views; None where none is to be.
         track: what is known so far.
     """
 
@@ -48,7 +48,7 @@ class Target:
     start: int
     quad: Array
     keyframes: dict[int, Array]
-    views: Views | None = None
+    builder: TemplateBuilder | None = None
     track: Track | None = None
 
     @property
@@ -57,7 +57,7 @@ class Target:
         return {self.start: self.quad, **self.keyframes}
 
     def follower(self, runs: Sequence[Run]) -> Follower:
-        return Follower(self.tracker, self.template, runs, self.views)
+        return Follower(self.tracker, self.template, runs, self.builder)
 
     @property
     def known(self) -> Track:
@@ -153,7 +153,7 @@ class Passes:
             keyframes = keyframes_of(surface.keyframes, quad, start, self.reader.times)
             tracker = self.make_tracker()
             tracker.init(seen[start], quad)
-            targets.append(Target(tracker, quad, start, quad, keyframes, Views(seen[start], quad)))
+            targets.append(Target(tracker, quad, start, quad, keyframes, TemplateBuilder(seen[start], quad)))
         return targets
 
     def _observation(self, index: int) -> Observation:
@@ -185,12 +185,12 @@ class Passes:
         old: list[Target] = []
         new: list[Target] = []
         for target in targets:
-            learnt = target.views.learn() if target.views is not None and is_uncertain(target.known) else None
-            if learnt is not None:
+            template = target.builder.build() if target.builder is not None and is_uncertain(target.known) else None
+            if template is not None:
                 tracker = self.make_tracker()
-                tracker.init(Observation(learnt.image), learnt.quad)
+                tracker.init(Observation(template.image), template.quad)
                 old.append(target)
-                new.append(Target(tracker, learnt.quad, learnt.index, learnt.corners, target.keyframes))
+                new.append(Target(tracker, template.quad, template.index, template.corners, target.keyframes))
         if not new:
             return
         log.info("tracking again, with a template of what was seen more clearly after the reference frame")

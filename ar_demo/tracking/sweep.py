@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 
 from hdn import Observation
-from hdn.better_template import Views
+from hdn.better_template import TemplateBuilder
 from hdn.imaging.arrays import Array, Image
 from hdn.imaging.homography import from_corners
 from hdn.state import State
@@ -20,12 +20,14 @@ Show = Callable[[tuple[State | None, ...], Image], None]
 class Follower:
     """A surface's tracker on its runs, which come one after the other in one direction."""
 
-    def __init__(self, tracker: PlanarTracker, quad: Array, runs: Iterable[Run], views: Views | None = None) -> None:
+    def __init__(
+        self, tracker: PlanarTracker, quad: Array, runs: Iterable[Run], builder: TemplateBuilder | None = None
+    ) -> None:
         """Args:
         tracker: it has its target. quad: (4, 2) the target in the reference frame, px.
-        runs: in any order. views: where good views are kept; None keeps none.
+        runs: in any order. builder: is offered the views; None for none.
         """
-        self.tracker, self.quad, self.views = tracker, quad, views
+        self.tracker, self.quad, self.builder = tracker, quad, builder
         self.runs = sorted(runs, key=lambda run: -run.anchor if run.backward else run.anchor)
         self._current: Run | None = None
         self._next = 0
@@ -40,8 +42,8 @@ class Follower:
             if cut:
                 self.tracker.lose()
             estimate = self.tracker.track(frame)
-            if self.views is not None and isinstance(estimate, HdnEstimate):
-                self.views.offer(index, frame, estimate)
+            if self.builder is not None and isinstance(estimate, HdnEstimate):
+                self.builder.offer(index, frame, estimate)
             if not self._current.add(estimate):
                 self._current = None
         if self._begins(index):

@@ -4,13 +4,24 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..imaging.arrays import Grey
+from ..imaging.arrays import Floats, Grey, Mask
 
 CELLS = 8  # the target is judged on a grid of CELLS x CELLS
-AGREES = 0.5  # correlation from which a cell is taken to show the template
-SURELY = 0.6  # and from which it hardly does so by chance
+
+
+@dataclass(frozen=True)
+class AgreementThresholds:
+    """When a cell shows the template, and when enough cells are there to judge by."""
+
+    correlation: float = 0.5  # from which a cell is taken to show the template
+    sure_correlation: float = 0.6  # from which it hardly does so by chance
+    min_visible_cells: int = 2  # with fewer in the frame, no share of them is told
+    min_visible_share: float = 0.1  # of the textured cells; the same
+    min_variance: float = 1e-9  # of a product of variances; less is no texture
+
+
+THRESHOLDS = AgreementThresholds()
 
 
 @dataclass(frozen=True)
@@ -23,24 +34,30 @@ class Agreement:
         textured: (8, 8) cells that have texture to compare, in the frame or not.
     """
 
-    correlation: Grey
-    in_frame: NDArray[np.bool_]
-    textured: NDArray[np.bool_]
+    correlation: Floats
+    in_frame: Mask
+    textured: Mask
 
     @property
-    def visible(self) -> NDArray[np.bool_]:
+    def visible(self) -> Mask:
         """(8, 8) cells that can be judged."""
         return self.in_frame & self.textured
 
     @property
-    def agrees(self) -> NDArray[np.bool_]:
+    def agrees(self) -> Mask:
         """(8, 8) cells that show the template."""
-        return np.asarray(self.correlation > AGREES)
+        return np.asarray(self.correlation > THRESHOLDS.correlation)
+
+    @property
+    def agrees_surely(self) -> Mask:
+        """(8, 8) cells that show the template, and hardly so by chance."""
+        return np.asarray(self.correlation > THRESHOLDS.sure_correlation)
 
     @property
     def share(self) -> float:
         """Share of the visible cells that agree with the template; 0 where next to nothing is visible."""
-        if self.visible.sum() < max(2, 0.1 * self.textured.sum()):
+        fewest = max(THRESHOLDS.min_visible_cells, THRESHOLDS.min_visible_share * self.textured.sum())
+        if self.visible.sum() < fewest:
             return 0.0
         return float(self.agrees[self.visible].mean())
 
@@ -50,7 +67,7 @@ class Agreement:
 
         Cells that agree by chance lie scattered; what an occluder leaves of the target hangs together.
         """
-        agree = ((self.correlation > SURELY) & self.visible).astype(np.uint8)
+        agree = (self.agrees_surely & self.visible).astype(np.uint8)
         _, _, patches, _ = cv2.connectedComponentsWithStats(agree, connectivity=4)
         return float(patches[1:, cv2.CC_STAT_AREA].max(initial=0)) / agree.size
 
@@ -62,14 +79,15 @@ class Cells:
         self._image, self._mean = image, cell_means(image)
         self._variance = cell_means(image * image) - np.square(self._mean)
 
-    def correlation(self, other: Grey) -> Grey:
+    def correlation(self, other: Grey) -> Floats:
         """Normalised cross-correlation (8, 8) with another image of the same size."""
         mean = cell_means(other)
         variance = cell_means(other * other) - np.square(mean)
         product = cell_means(self._image * other) - self._mean * mean
-        return np.asarray(product / np.sqrt(np.maximum(self._variance * variance, 1e-9)), np.float32)
+        scale = np.sqrt(np.maximum(self._variance * variance, THRESHOLDS.min_variance))
+        return np.asarray(product / scale, np.float32)
 
 
-def cell_means(image: Grey) -> Grey:
+def cell_means(image: Grey) -> Floats:
     """Mean (8, 8) of each cell of an image."""
     return np.asarray(cv2.resize(image, (CELLS, CELLS), interpolation=cv2.INTER_AREA), np.float32)

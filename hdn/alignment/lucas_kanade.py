@@ -6,75 +6,97 @@ robustly, so that an occluder or a glare does not pull.
 
 import copy
 import itertools
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from ..imaging.arrays import Array, Grey
-from ..imaging.blur import blurred, normalise, shares, tukey
-from ..imaging.homography import from_corners, normalised, parameter_rows, transform
+from ..imaging.arrays import Array, Floats, Grey
+from ..imaging.blur import blurred, equalising_blurs
+from ..imaging.homography import from_corners, normalised, transform, warp_jacobian
+from ..imaging.photometry import MAD_TO_DEVIATION, normalise, tukey
 from ..imaging.pyramid import Pyramid
 from ..imaging.quads import outline, square
 from .agreement import CELLS, Cells
-from .border import NOTHING, Pull
+from .border import UNCONSTRAINED, WarpConstraint
 
-STILL = 0.02  # px of the crop that a step moves its edge by, under which the steps end
-STEPS = 6  # at most; after them the frame is rectified anew
-NOISE = 2.0  # grey levels, of a frame of usual contrast
-MISMATCH = 0.15  # of normalised grey levels, that light and blur leave even where there is no noise
-OUTSIDE = 1e3  # of normalised grey levels: what lies outside the crop is taken for an outlier
-SAME = 50  # pixels that share their errors, and count as one, on a crop of the usual size
+
+@dataclass(frozen=True)
+class LucasKanade:
+    """Constants of the alignment at one level."""
+
+    max_steps: int = 6  # after them the frame is rectified anew
+    still_px: float = 0.02  # of the crop, that a step moves its edge by, under which the steps end
+    noise_grey: float = 2.0  # grey levels, standard deviation of a pixel's noise, in a frame of usual contrast
+    mismatch: float = 0.15  # normalised grey levels, deviation that light and blur leave even without noise
+    outside: float = 1e3  # normalised grey levels: pixels outside the crop are taken for outliers
+    # Pixels that share their errors, and count as one, on a crop of the standard size.
+    pixels_per_error: float = 50
+    window_ratio: float = 0.1  # half the window of the local normalisation, to the crop's longer side
+    margin_px: int = 2  # at the crop's edge, where gradients see what lies outside
+    gradient_blocks: int = 4  # x 4 blocks of the crop, each of which gives its pixels of the strongest gradients
+    min_relative_trust: float = 0.5  # to the most trusted cell, for a cell's pixels to tell the noise
+    noise_floor: float = 0.05  # of the median pixel's certainty: least deviation of the residuals
+    ridge: float = 1e-6  # on the information of a crop that is wholly seen, against templates without texture
+
+
+MODEL = LucasKanade()
 
 
 class Level:
-    """One scale of the template with its steepest-descent images.
+    """The template at one scale, with its steepest-descent images.
+
+    The *standard crop* is the rectified crop of the scale at which frames are judged: covariances, and how far a warp
+    moves, are told in its pixels at every level.
 
     Attributes:
         width, height: of the crop, px.
         to_template, from_template: (3, 3) the crop's pixels to the template's, and back.
-        raw, template: (h, w) the template at this scale, grey and as it is compared.
-        window: px that it is normalised over.
+        raw: (h, w) the template at this scale, grey levels.
+        template: (h, w) the same as it is compared: blurred and locally normalised.
+        window: px, of the local normalisation.
         corners: (4, 2, 8) how the corners move with the eight parameters, px.
     """
 
     def __init__(
-        self, frame: Pyramid, quad: Array, size: tuple[int, int], blur: float, usual: int, most_points: int
+        self, frame: Pyramid, quad: Array, size: tuple[int, int], blur: float, standard_side: int, most_points: int
     ) -> None:
         """Args:
-        frame: grey pyramid of the reference frame; quad: (4, 2) the target's corners in it.
+        frame: grey pyramid of the reference frame.
+        quad: (4, 2) the target's corners in it, px.
         size: width and height of the crop, px, multiples of CELLS.
         blur: standard deviation of the Gaussian that template and frames are blurred by, px.
-        usual: px of the longer side of the crop in whose pixels covariances are told.
-        most_points: that are compared.
+        standard_side: px of the standard crop's longer side.
+        most_points: how many pixels are compared.
         """
         self.width, self.height = w, h = size
         self.to_template = from_corners(outline(w, h), quad)
         self.from_template = np.linalg.inv(self.to_template)
-        self._blur, self.window = blur, 2 * round(max(w, h) / 10) + 1
-        self.raw = self.look(frame, np.eye(3))
-        self._usual_pixel = max(w, h) / usual
+        self._blur, self.window = blur, 2 * round(max(w, h) * MODEL.window_ratio) + 1
+        self.raw = self.crop(frame, np.eye(3))
+        self._per_standard_pixel = max(w, h) / standard_side  # px of this crop
         self._frame_blur = np.zeros((2, 2))
         # Centred, scaled coordinates keep the normal equations well-conditioned, and parameters alike at every scale.
         self._scale = 2.0 / max(w, h)
         left, top = -self._scale * np.array([(w - 1) / 2, (h - 1) / 2])
         self._to_unit = np.array([[self._scale, 0, left], [0, self._scale, top], [0, 0, 1.0]])
         self._from_unit = np.linalg.inv(self._to_unit)
-        self._pixel = 2.0 / usual  # of the usual crop, in unit coordinates
-        self._same = SAME * self._usual_pixel**2
+        self._standard_pixel = 2.0 / standard_side  # in unit coordinates
+        self._pixels_per_error = MODEL.pixels_per_error * self._per_standard_pixel**2
         a, b = (square(1) * 2 * [w, h] / max(w, h)).T
         one, zero = np.ones(4), np.zeros(4)
-        self.corners = np.stack([parameter_rows(a, b, one, zero), parameter_rows(a, b, zero, one)], 1)
+        self.corners = np.stack([warp_jacobian(a, b, one, zero), warp_jacobian(a, b, zero, one)], 1)
         self._most_points = most_points
-        self._learn(self.raw)
+        self._take_template(self.raw)
 
     def matched(self, covariance: Array) -> "Level":
-        """This level for frames blurred more than the template by so much, (2, 2) px^2 of the usual crop."""
+        """This level for frames that are blurrier than the template by so much, (2, 2) px^2 of the standard crop."""
         level = copy.copy(self)
-        of_template, level._frame_blur = shares(covariance * self._usual_pixel**2)
-        level._learn(blurred(self.raw, of_template))
+        of_template, level._frame_blur = equalising_blurs(covariance * self._per_standard_pixel**2)
+        level._take_template(blurred(self.raw, of_template))
         return level
 
-    def _learn(self, raw: Grey) -> None:
+    def _take_template(self, raw: Grey) -> None:
         """Takes a template (h, w), grey, and makes its steepest-descent images."""
         self.template, deviation = self._normalised(raw)
         self._whole = Cells(self.template)
@@ -82,80 +104,91 @@ class Level:
         # Only the pixels with the strongest gradients of each part say anything; fewer make it faster.
         strength = gx**2 + gy**2
         chosen = strength >= _local_threshold(strength, min(1.0, self._most_points / strength.size))
-        chosen[:2], chosen[-2:], chosen[:, :2], chosen[:, -2:] = False, False, False, False
+        margin = MODEL.margin_px
+        chosen[:margin], chosen[-margin:], chosen[:, :margin], chosen[:, -margin:] = False, False, False, False
         y, x = np.nonzero(chosen)
         self._points = np.stack([x, y, np.ones_like(x)], 1).astype(np.float32)
         self._values, self._cells = self.template[y, x], (y * CELLS // self.height, x * CELLS // self.width)
         # Normalising amplifies the noise of what has little contrast.
-        self._certainty = 1 / np.sqrt(MISMATCH**2 + np.square(NOISE / deviation[y, x]))
+        self._certainty = 1 / np.sqrt(MODEL.mismatch**2 + np.square(MODEL.noise_grey / deviation[y, x]))
         dx, dy = gx[y, x] / self._scale, gy[y, x] / self._scale
         u, v, _ = self._to_unit @ self._points.T
-        self._jacobian = parameter_rows(u, v, dx, dy).astype(np.float32)
+        self._jacobian = warp_jacobian(u, v, dx, dy).astype(np.float32)
 
-    def look(self, frame: Pyramid, homography: Array) -> Grey:
-        """A frame rectified by a homography, (h, w) grey."""
+    def crop(self, frame: Pyramid, homography: Array) -> Grey:
+        """A grey frame rectified by a homography (3, 3), template to frame: (h, w) grey levels."""
         # Nothing outside the quad is looked at: what lies there may move on its own.
         return frame.crop(homography @ self.to_template, self.width, self.height).astype(np.float32)
 
     def rectify(self, frame: Pyramid, homography: Array) -> Grey:
         """A frame (h, w) as it is compared with the template: rectified by a homography, blurred, normalised."""
-        return self._normalised(blurred(self.look(frame, homography), self._frame_blur))[0]
+        return self._normalised(blurred(self.crop(frame, homography), self._frame_blur))[0]
 
-    def correlation(self, search: Grey) -> Grey:
-        """Of each cell (8, 8) of the template with that of a frame as `rectify` makes it."""
+    def correlation(self, search: Grey) -> Floats:
+        """Correlation (8, 8) of the template's cells with those of a frame as `rectify` makes it."""
         return self._whole.correlation(search)
 
     def align(
-        self, search: Grey, trust: Grey, expected: Array, covariance: Array, pull: Pull = NOTHING
+        self,
+        search: Grey,
+        trust: Floats,
+        prior_warp: Array,
+        prior_covariance: Array,
+        constraint: WarpConstraint = UNCONSTRAINED,
     ) -> tuple[Array, Array]:
-        """Warp (3, 3), template pixels to pixels of the search crop, and its covariance (8, 8), px^2 at the edge.
+        """Aligns a rectified frame with the template.
 
         Args:
             search: (h, w) what `rectify` made.
             trust: (8, 8) weights of the target's cells, 0..1.
-            expected: (3, 3) the warp that is likeliest without a look; covariance: (8, 8) how surely.
-            pull: what the target's border says.
+            prior_warp: (3, 3) the warp that is likeliest without a look.
+            prior_covariance: (8, 8) of its parameters, px^2 at the edge of the standard crop.
+            constraint: what the target's border tells of the warp.
+
+        Returns:
+            The warp (3, 3), template pixels to pixels of the search crop, and its covariance (8, 8), as the prior's.
         """
         trusted = trust[self._cells]
-        counts = trusted > 0.5 * trusted.max()
-        likely = np.linalg.inv(covariance) / self._pixel**2
-        information = likely + pull.information
-        weighted_mean = likely @ self._parameters(expected) + pull.weighted
+        tells_noise = trusted > MODEL.min_relative_trust * trusted.max()
+        prior = np.linalg.inv(prior_covariance) / self._standard_pixel**2
+        information = prior + constraint.information
+        weighted_mean = prior @ self._parameters(prior_warp) + constraint.weighted_mean
         warp = np.eye(3)
-        least = 0.05 * float(np.median(self._certainty))
-        for _ in range(STEPS):
+        noise_floor = MODEL.noise_floor * float(np.median(self._certainty))
+        for _ in range(MODEL.max_steps):
             at = self._points @ warp.T.astype(np.float32)
             at = at[:, :2] / at[:, 2:]
             seen = cv2.remap(
-                search, at[:, None], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=OUTSIDE
+                search, at[:, None], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=MODEL.outside
             )
             error = seen[:, 0] - self._values
             certain = error * self._certainty
-            noise = max(1.4826 * _median(np.abs(certain[counts])), least)
+            noise = max(MAD_TO_DEVIATION * _median(np.abs(certain[tells_noise])), noise_floor)
             weight = tukey(certain / noise) * trusted * np.square(self._certainty)
             weighted = self._jacobian * weight[:, None]
             # What the visible part cannot tell stays near what is expected.
-            scale = self._same * noise**2
+            scale = self._pixels_per_error * noise**2
             hessian = (weighted.T @ self._jacobian).astype(np.float64) + scale * information
             right = (weighted.T @ error).astype(np.float64)
             right += scale * (information @ self._parameters(warp) - weighted_mean)
             step = np.linalg.solve(hessian, right)
             increment = np.append(step, 0).reshape(3, 3) + np.eye(3)
             warp = normalised(warp @ self._from_unit @ np.linalg.inv(increment) @ self._to_unit)
-            if np.abs(step).max() * max(self.width, self.height) / 2 < STILL:
+            if np.abs(step).max() * max(self.width, self.height) / 2 < MODEL.still_px:
                 break
-        return warp, self._same * noise**2 * np.linalg.inv(hessian) / self._pixel**2
+        return warp, self._pixels_per_error * noise**2 * np.linalg.inv(hessian) / self._standard_pixel**2
 
     @property
-    def uncertainty(self) -> Array:
+    def best_covariance(self) -> Array:
         """Covariance (8, 8), as `align` tells it, where all is seen in as much noise as frames may have."""
         certain = self._jacobian.astype(np.float64) * self._certainty[:, None]
-        return np.asarray(self._same * np.linalg.inv(certain.T @ certain + 1e-6 * np.eye(8)) / self._pixel**2)
+        covariance = np.linalg.inv(certain.T @ certain + MODEL.ridge * np.eye(8))
+        return np.asarray(self._pixels_per_error * covariance / self._standard_pixel**2)
 
-    def moved(self, warp: Array) -> float:
-        """How far a warp (3, 3) moves the crop's corners, px of the usual crop."""
+    def corner_motion(self, warp: Array) -> float:
+        """How far a warp (3, 3) moves the crop's corners along x or y, at most, px of the standard crop."""
         corners = outline(self.width, self.height)
-        return float(np.abs(transform(warp, corners) - corners).max()) / self._usual_pixel
+        return float(np.abs(transform(warp, corners) - corners).max()) / self._per_standard_pixel
 
     def _parameters(self, warp: Array) -> Array:
         """The eight parameters of a warp (3, 3), in centred and scaled coordinates: the difference to the identity."""
@@ -165,17 +198,17 @@ class Level:
         return normalise(cv2.GaussianBlur(crop, (0, 0), self._blur), self.window)
 
 
-def _median(values: Grey) -> float:
+def _median(values: Floats) -> float:
     """The upper one, of an even number of values; NumPy's own takes several times as long."""
     middle = len(values) // 2
     return float(np.partition(values, middle)[middle])
 
 
-def _local_threshold(strength: Grey, share: float) -> Grey:
-    """Per pixel, the strength that the strongest `share` of the pixels around it exceed."""
+def _local_threshold(strength: Floats, share: float) -> Floats:
+    """Per pixel, the strength that the strongest `share` of the pixels in its block exceed."""
     h, w = strength.shape
     threshold = np.empty_like(strength)
-    rows, columns = (np.linspace(0, n, 5).astype(int) for n in (h, w))
+    rows, columns = (np.linspace(0, n, MODEL.gradient_blocks + 1).astype(int) for n in (h, w))
     for top, bottom in itertools.pairwise(rows):
         for left, right in itertools.pairwise(columns):
             block = strength[top:bottom, left:right]

@@ -1,46 +1,93 @@
 """Photometric refinement: sub-pixel alignment of the rectified target to the template, from coarse to fine.
 
-It is anchored to the template: errors do not add up over frames. How the crops are aligned, `lucas_kanade` says.
+It is anchored to the template: errors do not add up over frames. `lucas_kanade` aligns the crops.
 """
 
 from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..imaging.arrays import Array, Grey
-from ..imaging.blur import between
+from ..imaging.arrays import Array, Floats, Grey, Mask
+from ..imaging.blur import relative_blur
 from ..imaging.homography import derivative, from_corners, normalised, transform
 from ..imaging.observation import Observation
 from ..imaging.quads import area, outline, side
 from .agreement import CELLS, Agreement, cell_means
-from .border import NOTHING, Border
+from .border import UNCONSTRAINED, Border
 from .lucas_kanade import Level
-
-ALIGNED = 0.7  # correlation that the best cells reach once the crop is nearly aligned
-EVERYWHERE: Grey = np.ones((CELLS, CELLS), np.float32)
-USUAL = 160  # px of the longer side of the crop that is judged, at most; less where the target is smaller
-FINEST = 2  # times as large is the crop that settles the last fractions of a pixel, where the frame shows as much
-SETTLED = 0.3  # px of the usual crop that an alignment moves the corners by, under which the next would not tell more
-ALIKE = 0.97  # correlation of the cells, from which template and frame are taken to be equally sharp
-BLURRED, COARSE = 0.3, 4.0  # px^2 of the usual crop: blur that is matched; and that leaves nothing finer to see
-LESS = 0.75  # of what a typical cell's correlation lacks to 1 must be left after matching: noise gains a little as well
-# Deviation of the corners, as a share of the target's size, that its texture leaves even where all of it is seen, from
-# which its border counts as well: three times that of usual prints.
-VAGUE = 0.005
-# How far off a start may be where nothing better is known: covariance of the eight parameters, px^2 at the edge of the
-# usual crop; affine four, translation free, perspective.
-LOOSE = np.diag(np.square([5.0, 5, 100, 5, 5, 100, 2, 2]))
 
 
 @dataclass(frozen=True)
-class Expectation:
-    """What is known before a look: a pose (3, 3), its covariance (8, 8), and which cells (8, 8) may be looked at."""
+class RefinementModel:
+    """Constants of the refinement. The *standard crop* is the rectified crop in which frames are judged."""
+
+    # Sizes: the longer sides of the crops.
+    standard_side_px: int = 160  # of the standard crop, at most; less where the target is smaller
+    min_side_px: float = 24.0  # of the standard crop, however small the target
+    coarse_ratio: float = 0.5  # of the coarse crop to the standard one
+    max_fine_ratio: float = 2.0  # of the fine crop to the standard one, as far as the reference frame shows as much
+    min_fine_shown: float = 0.7  # size of the target in the frame, as a share of the fine crop's, for that to be used
+    min_cell_px: int = 3  # sides of a cell in any crop
+
+    # Per level: standard deviation of the blur over both images, px of the crop, and pixels that are compared.
+    coarse_blur_px: float = 1.0
+    standard_blur_px: float = 0.8
+    fine_blur_px: float = 0.8
+    coarse_points: int = 2000
+    standard_points: int = 4000
+    fine_points: int = 8000
+
+    # Steps.
+    max_standard_steps: int = 3  # each with the frame rectified anew
+    settled_px: float = 0.3  # of the standard crop, corner motion under which the next step would not tell more
+    # How far off a start may be where nothing better is known: standard deviation of the eight parameters, px at the
+    # edge of the standard crop; affine four, translation free, perspective.
+    start_deviation_px: tuple[float, ...] = (5.0, 5.0, 100.0, 5.0, 5.0, 100.0, 2.0, 2.0)
+
+    # Which cells count: by their correlation with the template.
+    clear_quantile: float = 0.9  # of the cells' correlations: what a clear cell reaches in this frame's blur and noise
+    min_clear_correlation: float = 0.7  # that clear cells reach once the crop is nearly aligned
+    distrusted_ratio: float = 0.75  # of a cell's correlation to a clear one's, up to which it does not count
+    trusted_ratio_range: float = 0.15  # above that, over which it comes to count in full
+    min_trusted: float = 0.1  # share of the cells that have to count; with fewer all do
+
+    # Texture: mean absolute difference of a cell's pixels to their surroundings.
+    side_to_surroundings: float = 14.0  # the crop's longer side, to the deviation of the Gaussian for the surroundings
+    textured_grey: float = 2.0  # grey levels, from which texture is not mere noise
+    textured_ratio: float = 0.5  # or to the target's typical cell, of a target that has little texture
+    # To the typical cell: with less, light that moves over a cell may pass for something that hides it.
+    telling_ratio: float = 0.5
+    # Deviation of the corners, as a share of the target's size, that its texture leaves even where all of it is seen,
+    # from which its border counts as well: three times that of usual prints.
+    vague_deviation: float = 0.005
+
+    # Blur of the frame against the template.
+    equal_correlation: float = 0.97  # of the typical cell, from which both are taken to be equally sharp
+    min_matched_variance_px2: float = 0.3  # of the standard crop: less blur is not matched
+    max_fine_variance_px2: float = 4.0  # of the standard crop: more blur leaves nothing finer to see
+    # Of what the typical cell's correlation lacks to 1, that may be left after matching: noise gains a little as well.
+    max_lack_left: float = 0.75
+
+
+MODEL = RefinementModel()
+ALL_VISIBLE: Floats = np.ones((CELLS, CELLS), np.float32)
+START_COVARIANCE = np.diag(np.square(MODEL.start_deviation_px))
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a target before a frame is looked at.
+
+    Attributes:
+        homography: (3, 3) the likeliest pose, template to frame.
+        covariance: (8, 8) of it, as an alignment tells it.
+        visibility: (8, 8) 0..1, which cells of the target may be looked at.
+    """
 
     homography: Array
     covariance: Array
-    seen: Grey
+    visibility: Floats
 
 
 @dataclass(frozen=True)
@@ -49,21 +96,21 @@ class Alignment:
 
     Attributes:
         homography: (3, 3) template to frame.
-        agreement: how well it fits there, but for the last `moved` px.
-        covariance: (8, 8) of the warp's parameters, px^2 at the edge of the usual crop: what is seen, and what was
-            expected, leave them open by so much.
-        moved: how far the last step moved the corners, px of the usual crop.
-        expected: what it started from.
-        blur: (2, 2) px^2 of the usual crop, covariance by which the frame is blurred more than the template; negative
-            where less; 0 where it makes no difference.
+        agreement: how well it fits there; judged before the last step, that moved the corners by `last_step_px`.
+        covariance: (8, 8) of the warp's eight parameters, px^2 at the edge of the standard crop: how far open the prior
+            and the visible part of the target leave them.
+        last_step_px: how far the last step moved the corners, px of the standard crop.
+        prior: what the alignment started from.
+        blur: (2, 2) px^2 of the standard crop, covariance of the Gaussian by which the frame is blurrier than the
+            template; negative where it is sharper; 0 where it makes no difference.
         border: share of the target's border that is there, where its texture is too little to place it; else 0.
     """
 
     homography: Array
     agreement: Agreement
     covariance: Array
-    moved: float
-    expected: Expectation
+    last_step_px: float
+    prior: Prior
     blur: Array = field(default_factory=lambda: np.zeros((2, 2)))
     border: float = 0.0
 
@@ -73,144 +120,176 @@ class Refiner:
 
     def __init__(self, frame: Observation, quad: Array) -> None:
         """Args:
-        frame: the reference frame.
-        quad: (4, 2) the target's corners in it.
+        frame: the reference frame, which gives the template.
+        quad: (4, 2) the target's corners in it, px.
         """
         self._quad = quad
         sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
         size = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
-        longest = max(24.0, min(USUAL, size.max()))
-        usual, finest = (_size(size, longest * times) for times in (1, np.clip(size.max() / longest, 1, FINEST)))
-        self._coarse, self._usual, self._finest = (
-            Level(frame.grey, quad, longer, blur, max(usual), points)
-            for longer, blur, points in ((_size(size, longest / 2), 1.0, 2000), (usual, 0.8, 4000), (finest, 0.8, 8000))
+        longest = max(MODEL.min_side_px, min(MODEL.standard_side_px, size.max()))
+        fine_ratio = np.clip(size.max() / longest, 1, MODEL.max_fine_ratio)
+        standard = _crop_size(size, longest)
+        self._coarse, self._standard, self._fine = (
+            Level(frame.grey, quad, crop_size, blur, max(standard), points)
+            for crop_size, blur, points in (
+                (_crop_size(size, longest * MODEL.coarse_ratio), MODEL.coarse_blur_px, MODEL.coarse_points),
+                (standard, MODEL.standard_blur_px, MODEL.standard_points),
+                (_crop_size(size, longest * fine_ratio), MODEL.fine_blur_px, MODEL.fine_points),
+            )
         )
-        is_vague = self.deviation(np.eye(3), self._usual.uncertainty) > VAGUE * side(quad)
-        borders = [Border(frame.colour, v.to_template, v.width, v.height) for v in (self._coarse, self._usual)]
-        self._borders = borders if is_vague and all(border.exists for border in borders) else []
+        is_vague = self.deviation(np.eye(3), self._standard.best_covariance) > MODEL.vague_deviation * side(quad)
+        borders = [Border(frame.colour, v.to_template, v.width, v.height) for v in (self._coarse, self._standard)]
+        self._borders = borders if is_vague and all(border.is_distinct for border in borders) else []
         y, x = np.mgrid[:CELLS, :CELLS]
         self._cell_centres = transform(from_corners(outline(CELLS, CELLS), quad), np.stack([x, y], -1))
-        raw = frame.grey.crop(self._usual.to_template, *usual).astype(np.float32)
-        energy = cell_means(np.abs(raw - cv2.GaussianBlur(raw, (0, 0), max(usual) / 14)))
-        typical = float(np.median(energy))
-        # Texture that is not mere noise: two grey levels of deviation, or a fair share of the target's own.
-        self.textured = energy > min(2.0, 0.5 * typical)
-        # Less than that, and light that moves over it may pass for something that hides it.
-        self._telling = self.textured & (energy > 0.5 * typical)
+        raw = frame.grey.crop(self._standard.to_template, *standard).astype(np.float32)
+        surroundings = cv2.GaussianBlur(raw, (0, 0), max(standard) / MODEL.side_to_surroundings)
+        texture = cell_means(np.abs(raw - surroundings))
+        typical = float(np.median(texture))
+        self.textured: Mask = texture > min(MODEL.textured_grey, MODEL.textured_ratio * typical)
+        self._telling = self.textured & (texture > MODEL.telling_ratio * typical)
 
-    def align(self, frame: Observation, start: Array, seen: Grey = EVERYWHERE, covariance: Array = LOOSE) -> Alignment:
-        """Finds the pose at which the frame fits the template, as far as what is expected allows.
+    def align(
+        self,
+        frame: Observation,
+        start: Array,
+        visibility: Floats = ALL_VISIBLE,
+        covariance: Array = START_COVARIANCE,
+    ) -> Alignment:
+        """Finds the pose at which a frame fits the template, as far as the prior allows.
 
         Args:
+            frame: the frame.
             start: (3, 3) template to frame, the pose that is expected.
-            seen: (8, 8) 0..1, which cells of the target may be looked at.
-            covariance: (8, 8) of the expectation, as an alignment tells it.
+            visibility: (8, 8) 0..1, which cells of the target may be looked at.
+            covariance: (8, 8) of the expected pose, as an alignment tells it.
         """
-        return self.settle(frame, self.approach(frame, start, seen, covariance))
+        return self.align_finely(frame, self.align_roughly(frame, start, visibility, covariance))
 
-    def approach(
-        self, frame: Observation, start: Array, seen: Grey = EVERYWHERE, covariance: Array = LOOSE
+    def align_roughly(
+        self,
+        frame: Observation,
+        start: Array,
+        visibility: Floats = ALL_VISIBLE,
+        covariance: Array = START_COVARIANCE,
     ) -> Alignment:
         """As `align`, but for the last fractions of a pixel: enough to judge by, and far cheaper."""
-        expected = Expectation(start, covariance, seen)
-        alignment = self._step(self._coarse, frame, start, expected)
-        for _ in range(3):
-            alignment = self._step(self._usual, frame, alignment.homography, expected)
-            if alignment.moved < SETTLED:
+        prior = Prior(start, covariance, visibility)
+        alignment = self._step(self._coarse, frame, start, prior)
+        for _ in range(MODEL.max_standard_steps):
+            alignment = self._step(self._standard, frame, alignment.homography, prior)
+            if alignment.last_step_px < MODEL.settled_px:
                 break
         if self._borders:
-            alignment = replace(alignment, border=self._borders[-1].share(frame.colour, alignment.homography))
+            share = self._borders[-1].matching_share(frame.colour, alignment.homography)
+            alignment = replace(alignment, border=share)
         return alignment
 
-    def settle(self, frame: Observation, alignment: Alignment) -> Alignment:
-        """The last fractions of a pixel of what `approach` found, at the size and the blur at which the frame shows it.
+    def align_finely(self, frame: Observation, alignment: Alignment) -> Alignment:
+        """Adds the last fractions of a pixel to what `align_roughly` found.
 
-        The blurrier of template and frame sets how blurred both are compared, if that makes them agree clearly better.
+        It compares at the size at which the frame shows the target, and blurs the sharper of template and frame as
+        the other is, if that makes them agree clearly better.
         """
-        blur = self._blur(frame, alignment)
+        blur = self._relative_blur(frame, alignment)
         variance = float(np.abs(np.linalg.eigvalsh(blur)).max())
         shown = side(transform(alignment.homography, self._quad))
-        is_fine = shown > 0.7 * np.sqrt(self._finest.width * self._finest.height) and variance < COARSE
-        level = self._finest if is_fine else self._usual
-        if variance > BLURRED:
-            found = self._step(self._usual.matched(blur), frame, alignment.homography, alignment.expected)
-            if 1 - _typical(found.agreement) < LESS * (1 - _typical(alignment.agreement)):
-                found = self._step(level.matched(blur), frame, found.homography, alignment.expected)
-                return replace(found, blur=blur)
-        return self._step(level, frame, alignment.homography, alignment.expected) if is_fine else alignment
+        fine_side = np.sqrt(self._fine.width * self._fine.height)
+        is_fine = shown > MODEL.min_fine_shown * fine_side and variance < MODEL.max_fine_variance_px2
+        level = self._fine if is_fine else self._standard
+        if variance > MODEL.min_matched_variance_px2:
+            matched = self._step(self._standard.matched(blur), frame, alignment.homography, alignment.prior)
+            lacking, before = (1 - _typical_correlation(a.agreement) for a in (matched, alignment))
+            if lacking < MODEL.max_lack_left * before:
+                return replace(self._step(level.matched(blur), frame, matched.homography, alignment.prior), blur=blur)
+        return self._step(level, frame, alignment.homography, alignment.prior) if is_fine else alignment
 
     def frame_blur(self, alignment: Alignment) -> Array:
-        """The blur of an alignment in the frame about the target's middle: (2, 2) px^2."""
-        to_frame = alignment.homography @ self._usual.to_template
-        middle = np.array([(self._usual.width - 1) / 2, (self._usual.height - 1) / 2])
+        """The blur of an alignment in pixels of the frame about the target's middle: (2, 2) px^2."""
+        to_frame = alignment.homography @ self._standard.to_template
+        middle = np.array([(self._standard.width - 1) / 2, (self._standard.height - 1) / 2])
         stretch = derivative(to_frame, middle)
         return np.asarray(stretch @ alignment.blur @ stretch.T)
 
-    def _blur(self, frame: Observation, alignment: Alignment) -> Array:
-        """How much more the frame blurs the target than the template, (2, 2) px^2 of the usual crop; 0 where alike."""
-        if self._best(alignment.agreement.correlation) < ALIGNED or _typical(alignment.agreement) > ALIKE:
-            return np.zeros((2, 2))
-        trust = self._trust(alignment.agreement.correlation) * alignment.expected.seen
-        level = self._usual
-        trusted = cv2.resize(trust, (level.width, level.height), interpolation=cv2.INTER_NEAREST)
-        return between(level.raw, level.look(frame.grey, alignment.homography), trusted, level.window)
-
     def deviation(self, homography: Array, covariance: Array) -> float:
-        """Standard deviation of the corners, px of the frame: the root of its mean square over them."""
-        level = self._usual
+        """Standard deviation of the corners, px of the frame: the root of its mean square over them.
+
+        Args:
+            homography: (3, 3) the pose, template to frame.
+            covariance: (8, 8) of it, as an alignment tells it.
+        """
+        level = self._standard
         spread = np.einsum("cij,jk,cik->", level.corners, covariance, level.corners) / 4
-        size = area(transform(homography, self._quad)) / (level.width * level.height)
-        return float(np.sqrt(spread * abs(size)))
+        magnification = area(transform(homography, self._quad)) / (level.width * level.height)
+        return float(np.sqrt(spread * abs(magnification)))
 
     def agreement(self, frame: Observation, homography: Array) -> Agreement:
-        """Compares the frame, rectified by a homography, with the template."""
-        return self._compare(self._usual, frame, homography)[1]
+        """Compares a frame, rectified by a homography (3, 3), with the template."""
+        return self._compare(self._standard, frame, homography)[1]
 
-    def _step(self, level: Level, frame: Observation, homography: Array, expected: Expectation) -> Alignment:
+    def _step(self, level: Level, frame: Observation, homography: Array, prior: Prior) -> Alignment:
         """One alignment at one level, from a pose that the steps before led to."""
         search, agreement = self._compare(level, frame, homography)
-        expected_warp = level.from_template @ np.linalg.inv(homography) @ expected.homography @ level.to_template
-        trust = self._trust(agreement.correlation) * expected.seen
-        pull = NOTHING
+        prior_warp = level.from_template @ np.linalg.inv(homography) @ prior.homography @ level.to_template
+        trust = self._trust(agreement.correlation) * prior.visibility
+        constraint = UNCONSTRAINED
         if self._borders:
-            pull = self._borders[level is not self._coarse].pull(frame.colour, homography, expected.seen)
-        warp, posterior = level.align(search, trust, expected_warp, expected.covariance, pull)
+            border = self._borders[level is not self._coarse]
+            constraint = border.constraint(frame.colour, homography, prior.visibility)
+        warp, covariance = level.align(search, trust, prior_warp, prior.covariance, constraint)
         found = normalised(homography @ level.to_template @ warp @ level.from_template)
-        return Alignment(found, agreement, posterior, level.moved(warp), expected)
+        return Alignment(found, agreement, covariance, level.corner_motion(warp), prior)
 
     def _compare(self, level: Level, frame: Observation, homography: Array) -> tuple[Grey, Agreement]:
         search = level.rectify(frame.grey, homography)
         return search, Agreement(level.correlation(search), self._in_frame(frame, homography), self.textured)
 
-    def _trust(self, correlation: Grey) -> Grey:
+    def _relative_blur(self, frame: Observation, alignment: Alignment) -> Array:
+        """How much blurrier the frame shows the target than the template, (2, 2) px^2 of the standard crop.
+
+        Zeros where both are equally sharp, or where the crop is not aligned.
+        """
+        correlation = alignment.agreement.correlation
+        is_rough = self._clear_correlation(correlation) < MODEL.min_clear_correlation
+        if is_rough or _typical_correlation(alignment.agreement) > MODEL.equal_correlation:
+            return np.zeros((2, 2))
+        trust = self._trust(correlation) * alignment.prior.visibility
+        level = self._standard
+        trusted = cv2.resize(trust, (level.width, level.height), interpolation=cv2.INTER_NEAREST)
+        return relative_blur(level.raw, level.crop(frame.grey, alignment.homography), trusted, level.window)
+
+    def _trust(self, correlation: Floats) -> Floats:
         """Weights (8, 8) of the cells for alignment; where hardly any agrees, all count: it is not aligned yet."""
-        best = self._best(correlation)
-        if best < ALIGNED:
+        clear = self._clear_correlation(correlation)
+        if clear < MODEL.min_clear_correlation:
             return np.ones_like(correlation)
-        agree = np.clip((correlation / best - 0.75) / 0.15, 0, 1)
+        agree = np.clip((correlation / clear - MODEL.distrusted_ratio) / MODEL.trusted_ratio_range, 0, 1)
         # Beside an occluder a cell is half its, even where it agrees.
-        clear = agree * cv2.erode(np.where(self._telling, agree, 1), np.ones((3, 3), np.uint8))
-        for trust in (clear, agree):
-            if trust.sum() > 0.1 * trust.size:
+        apart = agree * cv2.erode(np.where(self._telling, agree, 1), np.ones((3, 3), np.uint8))
+        for trust in (apart, agree):
+            if trust.sum() > MODEL.min_trusted * trust.size:
                 return np.asarray(trust, np.float32)
         return np.ones_like(correlation)
 
-    def _best(self, correlation: Grey) -> float:
-        """How well a clear cell agrees, in this frame's blur and noise: the best cells show it."""
-        return float(np.quantile(correlation[self.textured], 0.9)) if self.textured.any() else 0.0
+    def _clear_correlation(self, correlation: Floats) -> float:
+        """How well a clear cell agrees, in this frame's blur and noise: the best cells (8, 8) show it."""
+        return float(np.quantile(correlation[self.textured], MODEL.clear_quantile)) if self.textured.any() else 0.0
 
-    def _in_frame(self, frame: Observation, homography: Array) -> NDArray[np.bool_]:
-        seen = transform(homography, self._cell_centres)
+    def _in_frame(self, frame: Observation, homography: Array) -> Mask:
+        """Which cells (8, 8) have their centre in the frame, by a pose (3, 3)."""
+        centres = transform(homography, self._cell_centres)
         w, h = frame.colour.size
-        return np.asarray(((seen > -0.5) & (seen < [w - 0.5, h - 0.5])).all(-1))
+        return np.asarray(((centres > -0.5) & (centres < [w - 0.5, h - 0.5])).all(-1))
 
 
-def _typical(agreement: Agreement) -> float:
-    """Correlation of the typical cell that can be judged."""
+def _typical_correlation(agreement: Agreement) -> float:
+    """Median correlation of the cells that can be judged; 0 where there are none."""
     return float(np.median(agreement.correlation[agreement.visible])) if agreement.visible.any() else 0.0
 
 
-def _size(sides: Array, longest: float) -> tuple[int, int]:
+def _crop_size(sides: Array, longest: float) -> tuple[int, int]:
     """Width and height of a crop, px, whose longer side is about so many: whole numbers of pixels to a cell."""
-    width, height = (CELLS * max(3, round(side * longest / sides.max() / CELLS)) for side in sides.tolist())
+    width, height = (
+        CELLS * max(MODEL.min_cell_px, round(side * longest / sides.max() / CELLS)) for side in sides.tolist()
+    )
     return width, height

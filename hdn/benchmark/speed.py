@@ -146,7 +146,7 @@ class Compact:
         begin = clock()
         proposal = tracker.propose(observation).homography
         proposed = clock()
-        tracker.refiner.align(observation, proposal)
+        tracker.target.refiner.align(observation, proposal)
         refined = clock()
         parts = {
             "translation": done["translation"] - begin,

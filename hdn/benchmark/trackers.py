@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..evidence import TRUSTED_SCORE
+from ..evidence import THRESHOLDS
 from ..imaging.arrays import Array, Image
 from ..imaging.homography import from_corners
 from ..imaging.homography import transform as through
@@ -23,7 +23,8 @@ from ..networks.authors import ReferenceTracker
 from ..networks.config import COMPACT, PAPER
 from ..networks.engine import Engine
 from ..proposal import Stage
-from ..tracker import State, Tracker
+from ..state import State
+from ..tracker import Tracker
 
 
 class Answer(NamedTuple):
@@ -80,7 +81,7 @@ class Stages:
             return Answer(self.corners, "held")  # nowhere to go on from
         self.tracker.place(proposal.homography)
         self.corners = corners
-        return Answer(corners, "tracked" if proposal.score >= TRUSTED_SCORE else "held")
+        return Answer(corners, "tracked" if proposal.score >= THRESHOLDS.trusted_score else "held")
 
 
 class Authors:

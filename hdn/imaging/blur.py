@@ -1,81 +1,98 @@
-"""How much more one view of a target is blurred than another: by motion, out of focus, or for want of pixels."""
+"""Gaussian blur of any shape, and how much blurrier one view of a surface is than another.
 
-from typing import TypeVar
+Blur by motion, by focus and by want of pixels is told alike: by the covariance (2, 2), px^2, of a Gaussian.
+"""
+
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from .arrays import Array, Grey
-
-Float = TypeVar("Float", np.float32, np.float64)
-
-SCALE = 1.5  # px that both are blurred by beforehand, so that blur of a few pixels is a small change
-STEPS = 3
-MOST = 60.0  # px^2, the largest variance that is believed
-LEAST = 0.05  # px^2, below which there is nothing to do
-APART = 2  # px between the pixels that are looked at
+from .photometry import MAD_TO_DEVIATION, normalise, tukey
 
 
-def between(template: Grey, view: Grey, trusted: Grey, window: int) -> Array:
-    """Covariance (2, 2), px^2, of the Gaussian by which a view is blurred more than the template, aligned with it.
+@dataclass(frozen=True)
+class BlurModel:
+    """Constants of the estimate of relative blur, and of blurring."""
 
-    Negative eigenvalues are directions in which the template is the blurrier of the two. Blurring is diffusion: a
-    little of it adds half the second derivatives times the covariance. So that is a linear fit, robust and gain-free,
-    from which the next step starts (Gauss-Newton).
+    presmoothing_px: float = 1.5  # deviation of the Gaussian over both views: blur of a few px is a small change then
+    steps: int = 3  # of Gauss and Newton
+    max_variance_px2: float = 60.0  # the largest that is believed
+    min_variance_px2: float = 0.05  # below it there is nothing to blur
+    pixel_spacing_px: int = 2  # between the pixels that are compared, along x and y
+    margin_px: int = 4  # at the edge of the views, where filters do not see enough
+    min_trust: float = 0.5  # of the pixels that are compared
+    min_pixels: int = 100  # with fewer to compare, no difference is told
+    noise_floor: float = 1e-3  # normalised grey levels, added to the residuals' deviation
+    ridge: float = 1e-3  # on the normal equations' diagonal, against views without texture
+    kernel_deviations: float = 2.5  # from a kernel's centre to its edge
+    kernel_min_variance_px2: float = 1e-2  # across a line of motion, so that its kernel is not degenerate
+
+
+MODEL = BlurModel()
+
+
+def relative_blur(template: Grey, view: Grey, trusted: Grey, window: int) -> Array:
+    """Covariance (2, 2), px^2, of the Gaussian by which a view is blurrier than the template that it is aligned with.
+
+    Negative eigenvalues belong to directions in which the template is the blurrier of the two. Blurring is diffusion:
+    a little of it adds half the second derivatives times the covariance. So each step is a linear fit, robust and
+    free of gain, from which the next step starts (Gauss-Newton).
 
     Args:
-        template, view: (h, w) grey; trusted: (h, w) 0..1, what shows the target in both.
-        window: px, of the normalisation.
+        template, view: (h, w) grey.
+        trusted: (h, w) 0..1, the pixels that show the target in both.
+        window: px, of the local normalisation.
+
+    Returns:
+        Zeros where too few pixels are trusted.
     """
-    first, second = (cv2.GaussianBlur(image, (0, 0), SCALE) for image in (template, view))
+    first, second = (cv2.GaussianBlur(image, (0, 0), MODEL.presmoothing_px) for image in (template, view))
     covariance = np.zeros((2, 2))
-    counts = np.zeros(template.shape, bool)
-    counts[4:-4:APART, 4:-4:APART] = True
-    counts &= trusted > 0.5
-    if counts.sum() < 100:
+    compared = np.zeros(template.shape, bool)
+    inner = slice(MODEL.margin_px, -MODEL.margin_px, MODEL.pixel_spacing_px)
+    compared[inner, inner] = True
+    compared &= trusted > MODEL.min_trust
+    if compared.sum() < MODEL.min_pixels:
         return covariance
-    for _ in range(STEPS):
-        of_template, of_view = shares(covariance)
+    for _ in range(MODEL.steps):
+        of_template, of_view = equalising_blurs(covariance)
         a, b = (normalise(blurred(i, c), window)[0] for i, c in ((first, of_template), (second, of_view)))
-        xx, xy, yy = (cv2.Sobel(a, -1, *order, ksize=3)[counts] / 4 for order in ((2, 0), (1, 1), (0, 2)))
-        regressors = np.stack([a[counts], xx / 2, xy, yy / 2], 1).astype(np.float64)  # the first is of the gain
-        error = (b - a)[counts].astype(np.float64)
-        noise = 1.4826 * float(np.median(np.abs(error))) + 1e-3
+        # Sobel's second derivatives come out four times too large.
+        xx, xy, yy = (cv2.Sobel(a, -1, *order, ksize=3)[compared] / 4 for order in ((2, 0), (1, 1), (0, 2)))
+        # The first regressor is for the gain.
+        regressors = np.stack([a[compared], xx / 2, xy, yy / 2], 1).astype(np.float64)
+        error = (b - a)[compared].astype(np.float64)
+        noise = MAD_TO_DEVIATION * float(np.median(np.abs(error))) + MODEL.noise_floor
         weight = tukey(error / noise)
-        hessian = regressors.T @ (regressors * weight[:, None]) + 1e-3 * np.eye(4)
+        hessian = regressors.T @ (regressors * weight[:, None]) + MODEL.ridge * np.eye(4)
         _, dxx, dxy, dyy = np.linalg.solve(hessian, regressors.T @ (weight * error))
         values, axes = np.linalg.eigh(covariance + np.array([[dxx, dxy], [dxy, dyy]]))
-        covariance = (axes * np.clip(values, -MOST, MOST)) @ axes.T
+        covariance = (axes * np.clip(values, -MODEL.max_variance_px2, MODEL.max_variance_px2)) @ axes.T
     return covariance
 
 
-def shares(covariance: Array) -> tuple[Array, Array]:
-    """By what (2, 2) the template, and by what the view is to be blurred for both to be alike."""
-    values, axes = np.linalg.eigh(covariance)
+def equalising_blurs(relative: Array) -> tuple[Array, Array]:
+    """The blurs that make template and view equally sharp, by how much blurrier the view is: covariances, px^2.
+
+    Returns:
+        The positive part (2, 2) of the relative covariance, to blur the template by; the negative one, for the view.
+    """
+    values, axes = np.linalg.eigh(relative)
     return (axes * np.maximum(values, 0)) @ axes.T, (axes * np.maximum(-values, 0)) @ axes.T
 
 
 def blurred(image: Grey, covariance: Array) -> Grey:
-    """An image (h, w) blurred by a Gaussian of a covariance (2, 2), px^2, without negative eigenvalues."""
+    """An image (h, w), or (h, w, c), blurred by a Gaussian of a covariance (2, 2), px^2, without negative eigenvalues.
+
+    Its borders are mirrored.
+    """
     values, axes = np.linalg.eigh(covariance)
-    if values.max() < LEAST:
+    if values.max() < MODEL.min_variance_px2:
         return image
-    reach = int(np.ceil(2.5 * np.sqrt(values.max())))
-    information = (axes / np.maximum(values, 1e-2)) @ axes.T
+    reach = int(np.ceil(MODEL.kernel_deviations * np.sqrt(values.max())))
+    information = (axes / np.maximum(values, MODEL.kernel_min_variance_px2)) @ axes.T
     offsets = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1.0)] * 2), -1)
     kernel = np.exp(-0.5 * np.einsum("yxi,ij,yxj->yx", offsets, information, offsets))
     return np.asarray(cv2.filter2D(image, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REFLECT_101), np.float32)
-
-
-def normalise(image: Grey, window: int) -> tuple[Grey, Grey]:
-    """Local mean taken off and local deviation divided out, over a square window, px; also the deviation itself."""
-    centred = image - cv2.blur(image, (window, window))
-    variance = np.maximum(cv2.blur(centred * centred, (window, window)), 0)  # running sums may round to below zero
-    deviation = np.sqrt(variance) + 2.0
-    return np.asarray(centred / deviation, np.float32), np.asarray(deviation, np.float32)
-
-
-def tukey(error: NDArray[Float]) -> NDArray[Float]:
-    """Tukey's biweight of residuals in units of their deviation."""
-    return np.square(np.maximum(1 - np.square(error / 4.685), 0))

@@ -1,16 +1,27 @@
-"""A frame as trackers look at it; what several targets need of it is made once."""
+"""A frame as trackers look at it: pyramids and keypoints, made once for all targets in it."""
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
 import numpy as np
 
-from .arrays import Array, Image
+from .arrays import Array, Floats, Image
 from .pyramid import Pyramid
 
-Keypoints = tuple[Array, np.ndarray]
+Keypoints = tuple[Array, Floats]
+"""Points (N, 2), px, and their descriptors (N, 128)."""
 
-LONGEST = 960  # px: keypoints of larger frames are found at half size, and again
+
+@dataclass(frozen=True)
+class KeypointSearch:
+    """Constants of the search for keypoints."""
+
+    max_side_px: int = 960  # keypoints of larger frames are found at half size, a quarter ...
+    max_in_frame: int = 3000  # of the strongest, over a whole frame
+
+
+SEARCH = KeypointSearch()
 
 
 class Observation:
@@ -22,25 +33,32 @@ class Observation:
 
     @cached_property
     def grey(self) -> Pyramid:
+        """The pyramid of the grey frame."""
         return Pyramid(np.asarray(cv2.cvtColor(self.image, cv2.COLOR_RGB2GRAY), np.uint8))
 
     @cached_property
     def keypoints(self) -> Keypoints:
-        """Of the whole frame."""
-        return find_keypoints(self.grey, 3000)
+        """The keypoints of the whole frame."""
+        return find_keypoints(self.grey, SEARCH.max_in_frame)
 
 
 def find_keypoints(frame: Pyramid, most: int, within: Array | None = None) -> Keypoints:
-    """SIFT keypoints (Lowe, 2004) of a grey frame: points (N, 2), px, and descriptors (N, 128).
+    """SIFT keypoints (Lowe, 2004) of a grey frame.
 
-    Args: within: a quad (4, 2), px, outside of which nothing counts.
+    Args:
+        frame: grey pyramid.
+        most: how many are kept, of the strongest.
+        within: a quad (4, 2), px; keypoints outside it are left out.
+
+    Returns:
+        Points (N, 2), px of the frame, and descriptors (N, 128).
     """
-    image, factor = frame.at_most(LONGEST)
+    image, factor = frame.at_most(SEARCH.max_side_px)
     mask = None
     if within is not None:
         mask = np.zeros(image.shape, np.uint8)
         cv2.fillConvexPoly(mask, np.round((within + 0.5) / factor - 0.5).astype(np.int32), 255)
-    # SIFT's threshold on contrast is absolute: what is dark is brightened first.
+    # SIFT's threshold on contrast is absolute: dark frames are brightened first.
     bright = cv2.normalize(image, None, 0, 255, cv2.NORM_MINMAX)
     keypoints, descriptors = cv2.SIFT_create(nfeatures=most).detectAndCompute(bright, mask)
     points = np.array([k.pt for k in keypoints], np.float64).reshape(-1, 2)

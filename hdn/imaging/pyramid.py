@@ -5,6 +5,9 @@ import numpy as np
 
 from .arrays import Array, Image
 
+MIN_HALVED_SIDE = 32  # px: a level whose shorter side is less is not halved again
+MAX_REDUCTION = 2**16  # crops that look at more of the frame than this, px a pixel, are degenerate
+
 
 class Pyramid:
     """A frame and its halvings, each made when first asked for."""
@@ -20,7 +23,7 @@ class Pyramid:
 
     def level(self, index: int) -> tuple[Image, float]:
         """The frame halved `index` times, or as often as it can be, and the reduction reached: 1, 2, 4 ..."""
-        while len(self.levels) <= index and min(self.levels[-1].shape[:2]) >= 32:
+        while len(self.levels) <= index and min(self.levels[-1].shape[:2]) >= MIN_HALVED_SIDE:
             h, w = self.levels[-1].shape[:2]
             even = self.levels[-1][: h - h % 2, : w - w % 2]  # halves exactly, so that pixel centres stay known
             self.levels.append(np.asarray(cv2.resize(even, (w // 2, h // 2), interpolation=cv2.INTER_AREA), np.uint8))
@@ -59,4 +62,4 @@ def _level_for(crop_to_frame: Array, width: int, height: int) -> int:
     _, _, w = crop_to_frame @ [(width - 1) / 2, (height - 1) / 2, 1.0]
     # The determinant of a homography's derivative: how much area grows there.
     ratio = float(np.sqrt(abs(np.linalg.det(crop_to_frame) / w**3))) if w else np.inf
-    return round(np.log2(ratio)) if 1 < ratio < 2**16 else 0
+    return round(np.log2(ratio)) if 1 < ratio < MAX_REDUCTION else 0

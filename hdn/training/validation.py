@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from ..benchmark.metrics import roc_area
 from ..networks.geometry import dlt, project
-from ..proposal import FAR
+from ..proposal import MODEL as PROPOSAL
 from ..synthesis import Look, Photos, residual_batch, similarity_batch
 from . import losses
 from .objectives import (
@@ -103,7 +103,7 @@ def residual_figures(objective: ResidualObjective, photos: Photos, pairs: int, l
         corners = outline(network.size, offsets)
         to_search = dlt(bounded(offsets, network.size), corners)
         more, _ = network.conclude(*network.compare(template, losses.warp(batch.search, to_search)))
-        far = offsets.norm(dim=2).mean(1) > FAR
+        far = offsets.norm(dim=2).mean(1) > PROPOSAL.second_look_px
         settled = torch.where(far[:, None, None], project(to_search, corners + more) - corners, offsets)
         # Of negatives: to where the corners were.
         first, last = ((o - batch.offsets).norm(dim=2).mean(1) for o in (offsets, settled))

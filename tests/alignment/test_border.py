@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 
 from hdn import Tracker
-from hdn.alignment.border import NOTHING, Border
-from hdn.alignment.refinement import EVERYWHERE
-from hdn.imaging.arrays import Array
+from hdn.alignment.border import UNCONSTRAINED, Border
+from hdn.alignment.refinement import ALL_VISIBLE
+from hdn.imaging.arrays import Array, Image
 from hdn.imaging.homography import from_corners, transform
 from hdn.imaging.pyramid import Pyramid
 from hdn.imaging.quads import outline, square
 from hdn.networks.engine import Engine
 
-from ..scenes import Image, Scene, error, moved, path, texture
+from ..scenes import Scene, error, moved, path, texture
 
 SIZE = 128, 96  # of the rectified crop
 
@@ -34,8 +34,8 @@ def border(scene: Scene, quad: Array | None = None) -> Border:
 
 def drawn_to(border: Border, frame: Image, start: Array, scene: Scene) -> Array:
     """The corners (4, 2) where the border alone puts them, from a start (3, 3)."""
-    pull = border.pull(Pyramid(frame), start, EVERYWHERE)
-    parameters = np.linalg.solve(pull.information, pull.weighted)
+    constraint = border.constraint(Pyramid(frame), start, ALL_VISIBLE)
+    parameters = np.linalg.solve(constraint.information, constraint.weighted_mean)
     half = max(SIZE) / 2
     to_unit = np.array([[1 / half, 0, -(SIZE[0] - 1) / 2 / half], [0, 1 / half, -(SIZE[1] - 1) / 2 / half], [0, 0, 1]])
     warp = np.linalg.inv(to_unit) @ (np.append(parameters, 0).reshape(3, 3) + np.eye(3)) @ to_unit
@@ -61,14 +61,16 @@ def test_something_before_a_side_does_not_pull(plain: Scene) -> None:
 
 def test_a_region_inside_a_surface_has_no_border(plain: Scene) -> None:
     inside = (plain.quad - plain.quad.mean(0)) * 0.6 + plain.quad.mean(0)
-    assert border(plain).exists
-    assert not border(plain, inside).exists
+    assert border(plain).is_distinct
+    assert not border(plain, inside).is_distinct
 
 
 def test_a_border_that_is_gone_does_not_pull(plain: Scene) -> None:
-    assert border(plain).share(Pyramid(plain.draw(plain.quad)), np.eye(3)) == 1
-    assert border(plain).share(Pyramid(plain.draw(None)), np.eye(3)) < 0.4
-    assert border(plain).pull(Pyramid(np.full((240, 320, 3), 90, np.uint8)), np.eye(3), EVERYWHERE) is NOTHING
+    assert border(plain).matching_share(Pyramid(plain.draw(plain.quad)), np.eye(3)) == 1
+    assert border(plain).matching_share(Pyramid(plain.draw(None)), np.eye(3)) < 0.4
+    assert (
+        border(plain).constraint(Pyramid(np.full((240, 320, 3), 90, np.uint8)), np.eye(3), ALL_VISIBLE) is UNCONSTRAINED
+    )
 
 
 def test_a_plain_poster_is_tracked_though_a_light_wanders_over_it(engine: Engine, plain: Scene) -> None:
@@ -97,4 +99,4 @@ def lit(scene: Scene, corners: Array, index: int) -> Image:
 def test_quads_at_the_frames_edge(plain: Scene) -> None:
     """Nothing is known beyond it, and no step there."""
     quad = square(1) * [320, 240] + [159.5, 119.5]
-    assert not border(plain, quad).exists
+    assert not border(plain, quad).is_distinct

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 
 from hdn.alignment.refinement import Refiner
-from hdn.imaging.blur import normalise
 from hdn.imaging.homography import from_corners, transform
 from hdn.imaging.observation import Observation
+from hdn.imaging.photometry import normalise
 
 from ..scenes import Scene, error, moved
 
@@ -35,9 +35,9 @@ def test_the_finest_step_is_the_most_exact() -> None:
     for shift in ((3.3, -2.1), (-1.4, 0.6), (0.5, 2.7), (-2.2, -3.8)):
         truth = moved(scene.quad, shift, 1.03, 0.02)
         frame = Observation(scene.draw(truth))
-        found = refiner.approach(frame, np.eye(3))
+        found = refiner.align_roughly(frame, np.eye(3))
         roughly.append(error(transform(found.homography, scene.quad), truth))
-        exactly.append(error(transform(refiner.settle(frame, found).homography, scene.quad), truth))
+        exactly.append(error(transform(refiner.align_finely(frame, found).homography, scene.quad), truth))
     assert np.median(exactly) < 0.15
     assert np.median(exactly) < np.median(roughly)
 
@@ -52,8 +52,8 @@ def test_blur_is_found_and_matched(scene: Scene, blurry: str) -> None:
     else:
         template = streaked(template, 8, np.deg2rad(30))
     refiner = Refiner(Observation(template), scene.quad)
-    roughly = refiner.approach(Observation(frame), np.eye(3))
-    found = refiner.settle(Observation(frame), roughly)
+    roughly = refiner.align_roughly(Observation(frame), np.eye(3))
+    found = refiner.align_finely(Observation(frame), roughly)
     values, axes = np.linalg.eigh(refiner.frame_blur(found))
     if blurry == "template":
         values, axes = -values[::-1], axes[:, ::-1]

@@ -17,7 +17,7 @@ from hdn.networks.polar import polar_crop, polar_points
 from hdn.networks.residual import ResidualNetwork, geometry, standardise
 from hdn.networks.similarity import ROTATIONS, SCALES, pose_grid
 from hdn.networks.weights import Hdn
-from hdn.proposal import FAR, Proposer
+from hdn.proposal import MODEL, Proposer
 
 from ..scenes import Scene, error, moved, texture
 
@@ -117,9 +117,9 @@ def test_what_is_far_off_is_looked_at_twice(engine: Engine) -> None:
     proposer = Proposer(engine, Observation(scene.draw(scene.quad)), scene.quad, frozenset({"residual"}))
     corners = scene.quad + np.array([[9, 8], [-9, 7], [8, -8], [10, 9]])
     frame = Observation(scene.draw(corners)).colour
-    once, length, _ = proposer._look(frame, np.eye(3))
+    once, length, _ = proposer._run_residual(frame, np.eye(3))
     twice, _, _ = proposer._residual(frame, np.eye(3))
-    assert length > FAR
+    assert length > MODEL.second_look_px
     assert error(transform(twice, scene.quad), corners) < 0.8 * error(transform(once, scene.quad), corners)
 
 

@@ -16,9 +16,11 @@ from ar_demo.tracking.smoothing import smooth
 from ar_demo.tracks import Track
 from hdn import Observation
 from hdn.errors import InputError
+from hdn.evidence import Evidence
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import transform
-from hdn.tracker import Estimate, Evidence, State
+from hdn.state import State
+from hdn.tracker import Estimate
 
 from ..clips import Image, make_clip
 from ..scenes import texture
