@@ -1,6 +1,5 @@
 """The second pass: what is learnt from views that are better than the first, and that nothing is where it cannot be."""
 
-import json
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -167,9 +166,8 @@ def test_a_good_first_view_costs_no_second_pass(
     clip = make_clip(tmp_path / "a.mp4", frames_of(as_it_is), rate=30, options={"crf": "16"})
     once, twice, stages = both(clip, monkeypatch, engine)
     assert set(stages) == {"track"}
-    once.save(tmp_path / "once.json")
-    twice.save(tmp_path / "twice.json")
-    assert json.loads((tmp_path / "once.json").read_text()) == json.loads((tmp_path / "twice.json").read_text())
+    assert once.states == twice.states
+    np.testing.assert_allclose(twice.corners, once.corners, atol=1e-3)
 
 
 def test_a_second_track_replaces_what_it_knows_much_better() -> None:

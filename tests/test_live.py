@@ -5,7 +5,9 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from fractions import Fraction
+from itertools import pairwise, takewhile
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
@@ -18,7 +20,7 @@ import pytest
 from ar_demo.cli.stdio import stopped_by_signals
 from ar_demo.live import LiveSession
 from ar_demo.media.live_stream import Stream
-from ar_demo.media.reader import VideoReader
+from ar_demo.media.reader import Frame, VideoReader
 from ar_demo.options import OutputOptions, TrackingOptions
 from ar_demo.progress import Progress
 from ar_demo.surface import Moment, Surface
@@ -33,6 +35,18 @@ RATE = 10
 
 pytestmark = pytest.mark.usefixtures("shared_networks")
 OPENCV = OutputOptions(backend="opencv")
+
+
+@pytest.fixture
+def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stream waits until its last frame has been fetched, so that none is dropped on however slow a machine."""
+
+    class Unhurried(Stream):
+        def frames(self, stop: Event) -> Iterator[Frame]:
+            with VideoReader(Path(self.name)) as reader:
+                yield from takewhile(lambda _: not stop.is_set(), reader.frames())
+
+    monkeypatch.setattr("ar_demo.live.Stream", Unhurried)
 
 
 @pytest.fixture(scope="module")
@@ -75,14 +89,21 @@ def test_follows_a_file_played_as_a_stream(clip: Path, ad: Path, truth: list[np.
     assert result.states["tracked"] == result.frames
     assert result.summary()["dropped"] == result.dropped
     assert result.fps == pytest.approx(result.frames / result.seconds)
-    assert result.fps < 1.2 * RATE
     found = reds(out)
     assert len(found) == result.frames
+    last = 0
     for at, centre in found:
         index = round(at * RATE)
         assert at == Fraction(index, RATE)  # frames keep their times, whatever was dropped
-        steps = [np.abs(truth[i].mean(0) - centre).max() for i in (index, max(index - 1, 0))]
-        assert min(steps) < 1.5  # no more than a frame behind
+        assert off_the_way(centre, truth[last].mean(0), truth[index].mean(0)) < 1.5  # no more than a frame behind
+        last = index
+
+
+def off_the_way(point: np.ndarray, start: np.ndarray, end: np.ndarray) -> float:
+    """How far a point is from the straight way between two others, px along x or y."""
+    way = end - start
+    share = np.clip((point - start) @ way / max(float(way @ way), 1e-9), 0, 1)
+    return float(np.abs(point - start - share * way).max())
 
 
 def test_drops_what_comes_while_it_is_busy(tmp_path: Path) -> None:
@@ -92,15 +113,16 @@ def test_drops_what_comes_while_it_is_busy(tmp_path: Path) -> None:
         for frame in stream.frames(Event()):
             assert number_of(frame.image) == frame.index
             seen.append(frame.index)
-            time.sleep(0.09)
+            busy_until = stream.dropped + min(3, 28 - frame.index)  # the last frame there is stays
+            while stream.dropped < busy_until:
+                time.sleep(0.001)
     assert seen[0] == 0
     assert seen[-1] == 29
-    assert seen == sorted(set(seen))
     assert stream.dropped == 30 - len(seen)
-    assert len(seen) < 15
-    assert max(np.diff(seen)) < 10  # the newest is taken, nothing queues up
+    assert all(later - index > min(3, 28 - index) for index, later in pairwise(seen))  # the newest, nothing queues up
 
 
+@pytest.mark.usefixtures("unhurried")
 def test_a_loss_fades_and_a_find_comes_back(ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
     """At a cut to another place the ad is gone at once; at the cut back it is there again."""
     scene, other = Scene(), Scene(seed=5)
@@ -123,16 +145,16 @@ def test_a_loss_fades_and_a_find_comes_back(ad: Path, truth: list[np.ndarray], t
     assert back[3:] == [True] * len(back[3:])  # to be found and to appear takes a moment
 
 
+@pytest.mark.usefixtures("unhurried")
 def test_end_and_effect(clip: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
     out = tmp_path / "o.mp4"
     session = LiveSession(str(clip), [Surface(quad=truth[0], effect="outline")])
     result = session.run(out, TrackingOptions(end=Moment(time=Fraction(1, 2))), OPENCV)
-    *before, last = frame_times(out)
-    assert len(before) + 1 == result.frames
-    assert all(at < 0.5 for at in before)
-    assert last >= 0.5
+    assert frame_times(out) == [Fraction(i, RATE) for i in range(RATE // 2 + 1)]
+    assert result.frames == RATE // 2 + 1
 
 
+@pytest.mark.usefixtures("unhurried")
 @pytest.mark.parametrize("by_ctrl_c", [False, True])
 def test_is_stopped_with_a_finished_file(
     clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path, by_ctrl_c: bool

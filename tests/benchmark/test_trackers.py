@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import torch
 
 from hdn.benchmark import trackers
 from hdn.benchmark.trackers import OURS, TRACKERS, make_tracker, weights_of
@@ -74,7 +75,9 @@ def test_ecc_is_exact_on_a_target_larger_than_its_working_size(shrink: int) -> N
 @pytest.fixture(scope="module")
 def paper_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Untrained weights of the paper's configuration, with offsets of zero: others may lead out of all bounds."""
-    network = weights.Hdn(PAPER).requires_grad_(False)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        network = weights.Hdn(PAPER).requires_grad_(False)
     for branch in (network.similarity.translation, network.similarity.polar):
         branch.loc_scale.zero_()
     network.residual.fc.weight.zero_()

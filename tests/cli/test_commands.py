@@ -1,12 +1,9 @@
 """The command lines end to end: what they make, what they refuse, what they leave behind."""
 
 import json
-import logging
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
@@ -29,15 +26,6 @@ START = 8
 
 
 pytestmark = pytest.mark.usefixtures("shared_networks")
-
-
-@pytest.fixture(autouse=True)
-def restored_logging() -> Iterator[None]:
-    """The command lines set up logging for a process of their own."""
-    yield
-    for name in ("ar_demo", "hdn"):
-        logging.getLogger(name).handlers.clear()
-        logging.getLogger(name).setLevel(logging.NOTSET)
 
 
 @pytest.fixture(scope="module")
@@ -331,9 +319,8 @@ def test_the_installed_command_stops_cleanly_on_sigint(clip: Path, ad: Path, tmp
     )
     assert process.stderr is not None
     assert "networks run on" in process.stderr.readline()  # at work, that is
-    time.sleep(0.5)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode in (0, 130)  # 0 where it was done before
+    _, err = process.communicate(timeout=600)
+    assert process.returncode in (0, 130)  # 0 where the machine let it be done before the signal came
     assert "Traceback" not in err
     assert [p.name for p in tmp_path.iterdir()] in ([], ["o.mp4"])

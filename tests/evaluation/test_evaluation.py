@@ -23,10 +23,10 @@ SQUARE = np.array([[10.0, 10], [29, 10], [29, 29], [10, 29]])
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One sequence of SynthPlanar, 6 frames of 192x112."""
+    """One sequence of SynthPlanar, 6 frames of 256x144."""
     folder = tmp_path_factory.mktemp("made") / "SynthPlanar"
     folder.mkdir()
-    generate(folder, "scale", 0, Setting(192, 112, 6), 6, 0, Pictures(None))
+    generate(folder, "scale", 0, Setting(256, 144, 6), 6, 0, Pictures(None))
     return folder
 
 

@@ -63,7 +63,8 @@ def test_crf_is_the_quality(tmp_path: Path) -> None:
     images = [rng.integers(0, 256, (64, 96, 3), dtype=np.uint8) for _ in range(5)]
     sizes = [write(tmp_path / f"{crf}.mp4", images, crf=crf).stat().st_size for crf in (10, 18, 40)]
     assert sizes[0] > sizes[1] > 2 * sizes[2]
-    assert sizes[1] == write(tmp_path / "default.mp4", images).stat().st_size
+    # x264 does not make quite the same file each time; a step of the quality is 5 %.
+    assert sizes[1] == pytest.approx(write(tmp_path / "default.mp4", images).stat().st_size, rel=0.02)
 
 
 def test_the_frame_may_be_changed_after_it_is_written(tmp_path: Path) -> None:
@@ -138,8 +139,8 @@ def test_packets_are_not_hoarded(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     sizes = []
     with VideoWriter(tmp_path / "a.mp4", 192, 128, Fraction(25)) as writer:
-        for index in range(150):
+        for index in range(400):  # x264 holds back 40 frames to look ahead, and one for each of up to 128 threads
             writer.write(rng.integers(0, 256, (128, 192, 3), dtype=np.uint8), Fraction(index, 25))
             sizes.append(next(tmp_path.glob(".*")).stat().st_size)
-    assert sizes[149] > sizes[100] > sizes[75]
+    assert sizes[399] > sizes[300] > sizes[200]
     assert all(b >= a for a, b in pairwise(sizes))

@@ -50,6 +50,11 @@ def paper_network() -> weights.Hdn:
 
 @pytest.fixture(scope="module")
 def tracker(paper_network: weights.Hdn, theirs: dict[str, Any]) -> ReferenceTracker:
+    """A tracker at the first frame, where all tests that share it leave it."""
+    return started(paper_network, theirs)
+
+
+def started(paper_network: weights.Hdn, theirs: dict[str, Any]) -> ReferenceTracker:
     tracker = ReferenceTracker(paper_network)
     tracker.init(frame(theirs, 0), theirs["quad"].astype(float))
     return tracker
@@ -141,7 +146,8 @@ def moved_centre(tracker: ReferenceTracker, theirs: dict[str, Any]) -> Any:
     return tracker.centre + np.array([shift.x, shift.y]) * tracker.side / tracker.config.template_size
 
 
-def test_tracks_from_frame_to_frame(tracker: ReferenceTracker, theirs: dict[str, Any]) -> None:
+def test_tracks_from_frame_to_frame(paper_network: weights.Hdn, theirs: dict[str, Any]) -> None:
+    tracker = started(paper_network, theirs)
     # No figures: among random weights two cells score alike, and a grey level decides between them.
     homography = tracker.track(frame(theirs, 1))
     assert homography[2, 2] == 1
