@@ -10,11 +10,13 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from threading import current_thread, main_thread
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from .errors import InputError, RunError
+from .errors import TORCH_MISSING, InputError, RunError
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+NEGATIVE = re.compile(r"-\.?\d[\d.,:;e+-]*(s|ms|%)?")  # a number, numbers, or a time, below zero
 
 log = logging.getLogger(__name__)
 
@@ -24,8 +26,14 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, prog: str, description: str, epilog: str | None = None) -> None:
         super().__init__(prog, description=description, epilog=epilog)
-        # Corners such as -50,70 are numbers to us, and would be options to argparse.
-        self._negative_number_matcher = re.compile(r"^-\.?\d")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse does, but corners such as -50,70 are values, not options.
+
+        A blank before a number changes nothing of it, and argparse takes no option to begin with one.
+        """
+        words = [*(sys.argv[1:] if args is None else args)]
+        return super().parse_known_args([f" {w}" if NEGATIVE.fullmatch(w) else w for w in words], namespace)
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see {self.prog} --help)")
@@ -47,6 +55,11 @@ def run(command: Command | str, arguments: Sequence[str] | None, interrupted: st
         return command(arguments)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        print(f"error: this takes {TORCH_MISSING}", file=sys.stderr)
         return BAD_INPUT
     except (RunError, OSError, MemoryError) as error:
         print(f"error: {str(error) or type(error).__name__}", file=sys.stderr)

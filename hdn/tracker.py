@@ -15,8 +15,8 @@ from .imaging.homography import normalised, transform
 from .imaging.observation import Observation
 from .imaging.pyramid import Pyramid
 from .imaging.quads import area, check_quad, is_convex, side
-from .networks import weights
 from .networks.engine import Engine
+from .networks.loading import load_engine
 from .proposal import Proposal, Proposer, Stage
 from .redetection import Redetector
 from .surroundings import surrounding_motion
@@ -90,7 +90,7 @@ class Tracker:
         Raises:
             InputError: weights missing or of another architecture, no such device.
         """
-        self.engine = engine or Engine(weights.load(Path(weights_path or weights.shipped())), device)
+        self.engine = engine or load_engine(weights_path, device)
         self.stages = stages
 
     def init(self, frame: Image | Observation, quad: Array) -> None:
