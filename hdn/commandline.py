@@ -8,14 +8,15 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from importlib.metadata import version
 from threading import current_thread, main_thread
 from types import FrameType
 from typing import Any, NoReturn
 
-from .errors import InputError, RunError
+from .errors import TORCH_MISSING, InputError, RunError
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+NEGATIVE = re.compile(r"-\.?\d[\d.,:;e+-]*(s|ms|%)?")  # a number, numbers, or a time, below zero
 
 log = logging.getLogger(__name__)
 
@@ -25,11 +26,17 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, prog: str, description: str, epilog: str | None = None) -> None:
         super().__init__(prog, description=description, epilog=epilog)
-        # Corners such as -50,70 are numbers to us, and would be options to argparse.
-        self._negative_number_matcher = re.compile(r"^-\.?\d")
         self.add_argument(
             "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="show the version and exit"
         )
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse does, but corners such as -50,70 are values, not options.
+
+        A blank before a number changes nothing of it, and argparse takes no option to begin with one.
+        """
+        words = [*(sys.argv[1:] if args is None else args)]
+        return super().parse_known_args([f" {w}" if NEGATIVE.fullmatch(w) else w for w in words], namespace)
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see {self.prog} --help)")
@@ -39,6 +46,8 @@ class _Version(argparse.Action):
     """Looked up only when asked for: reading what is installed takes time."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from importlib.metadata import version
+
         print(f"{parser.prog} {version('ar-replace')}")
         parser.exit()
 
@@ -46,17 +55,24 @@ class _Version(argparse.Action):
 Command = Callable[[Sequence[str] | None], int]
 
 
-def run(command: Command, arguments: Sequence[str] | None, interrupted: str) -> int:
+def run(command: Command | str, arguments: Sequence[str] | None, interrupted: str) -> int:
     """The command's exit status; whatever it raises is said in one line on stderr.
 
     Args:
-        command: takes the arguments, and gives the exit status; see `load`.
+        command: takes the arguments, and gives the exit status; or 'module:function', see `load`.
         interrupted: what Ctrl-C leaves behind.
     """
     try:
+        if isinstance(command, str):
+            command = load(command, interrupted)
         return command(arguments)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        print(f"error: this takes {TORCH_MISSING}", file=sys.stderr)
         return BAD_INPUT
     except (RunError, OSError, MemoryError) as error:
         print(f"error: {str(error) or type(error).__name__}", file=sys.stderr)

@@ -10,7 +10,7 @@ import torch
 from hdn.benchmark import trackers
 from hdn.benchmark.trackers import OURS, TRACKERS, make_tracker, weights_of
 from hdn.errors import InputError
-from hdn.networks import weights
+from hdn.networks import pytorch, weights
 from hdn.networks.config import PAPER
 from hdn.networks.engine import Engine
 
@@ -77,13 +77,13 @@ def paper_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Untrained weights of the paper's configuration, with offsets of zero: others may lead out of all bounds."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
-        network = weights.Hdn(PAPER).requires_grad_(False)
+        network = pytorch.Hdn(PAPER).requires_grad_(False)
     for branch in (network.similarity.translation, network.similarity.polar):
         branch.loc_scale.zero_()
     network.residual.fc.weight.zero_()
     network.residual.fc.bias.zero_()
     path = tmp_path_factory.mktemp("paper") / "paper.safetensors"
-    weights.save(network, path, {})
+    pytorch.save(network, path, {})
     return path
 
 
