@@ -63,9 +63,8 @@ def run(command: Command | str, arguments: Sequence[str] | None, interrupted: st
         interrupted: what Ctrl-C leaves behind.
     """
     try:
-        if isinstance(command, str):
-            command = load(command, interrupted)
-        return command(arguments)
+        do: Command = load(command, interrupted) if isinstance(command, str) else command
+        return do(arguments)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return BAD_INPUT

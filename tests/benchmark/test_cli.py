@@ -14,7 +14,8 @@ from hdn.benchmark import cli, evaluation, identity, trackers
 from hdn.benchmark.trackers import Answer
 from hdn.errors import InputError
 from hdn.imaging.arrays import Array
-from hdn.networks.weights import load, save, shipped
+from hdn.networks.pytorch import load, save
+from hdn.networks.weights import shipped
 
 from ..clips import make_clip
 from ..conftest import Main, Run
