@@ -71,7 +71,7 @@ class FrameSearch:
     """The search for a target in one frame, from its last pose.
 
     Attributes:
-        is_attached: whether the target moves as its surroundings do; None where there was no need to look.
+        is_attached: whether the target moves as its surroundings do; None while there was no need to measure that.
     """
 
     def __init__(self, target: Target, pose: Pose, frame: Observation) -> None:
@@ -79,25 +79,25 @@ class FrameSearch:
         self.is_attached = pose.is_attached
 
     def nearby(self) -> Candidate:
-        """HDN's stages from the last pose, refined; where that does not convince, refinement from expected poses."""
+        """The best candidate about the last pose: HDN's stages, refined; where little supports that, expected poses."""
         proposal = self._propose(self._pose.homography)
         if not self._target.is_refined:
             return _unrefined(proposal)
-        best = self._refined(proposal.homography, proposal)
+        best = self._aligned(proposal.homography, proposal)
         if best.support < THRESHOLDS.fix_support and proposal.score >= THRESHOLDS.trusted_score:
             # A large motion is found in two goes: the second starts where the first came to.
             again = self._propose(proposal.homography)
-            best = max(best, self._refined(again.homography, again), key=lambda candidate: candidate.support)
+            best = max(best, self._aligned(again.homography, again), key=lambda candidate: candidate.support)
         if best.support < MODEL.sure_support:
             # Where much is hidden, what the visible part leaves open had better follow the motion so far.
             for start, covariance in self._expected():
-                other = self._refined(start, proposal, covariance)
+                other = self._aligned(start, proposal, covariance)
                 if other.support > best.support - MODEL.support_margin:
                     return other
         return best
 
     def anywhere(self) -> Candidate:
-        """Looks for a lost target in the whole frame: by keypoints in some frames, else by HDN."""
+        """The best candidate in the whole frame, for a lost target: by keypoints in some frames, else by HDN."""
         by_keypoints = self._pose.missed % MODEL.keypoint_interval == 0
         found = self._target.redetector.find(self._frame) if by_keypoints else None
         if found is not None and self._target.is_plausible(found):
@@ -105,15 +105,15 @@ class FrameSearch:
             proposal = Proposal(found, 1.0, 1.0, 0.0, np.ones((1, 1), np.float32))
         else:
             proposal = self._propose(self._target.proposer.survey(self._frame.colour, self._pose.homography))
-        return self._refined(proposal.homography, proposal)
+        return self._aligned(proposal.homography, proposal)
 
     def is_found(self, candidate: Candidate) -> bool:
-        """Whether a candidate shows the target; one that was hidden has to be seen well enough to say where it is."""
+        """Whether a candidate shows the target; after frames without it, its corners have to be sure as well."""
         is_known = self._pose.missed == 0 or self._target.is_known(candidate.homography, candidate.covariance)
         return is_known and is_fix(candidate.evidence)
 
-    def refined_finely(self, candidate: Candidate) -> Candidate:
-        """The candidate that was chosen, to the last fractions of a pixel."""
+    def finely_aligned(self, candidate: Candidate) -> Candidate:
+        """The candidate that was chosen, aligned to the last fractions of a pixel."""
         if candidate.alignment is None:
             return candidate
         found = self._target.refiner.align_finely(self._frame, candidate.alignment)
@@ -163,7 +163,7 @@ class FrameSearch:
     def _propose(self, start: Array) -> Proposal:
         return self._target.proposer.propose(self._frame.colour, start)
 
-    def _refined(self, start: Array, proposal: Proposal, covariance: Array = START_COVARIANCE) -> Candidate:
+    def _aligned(self, start: Array, proposal: Proposal, covariance: Array = START_COVARIANCE) -> Candidate:
         """Photometric alignment from a start, judged together with what a proposal says of the frame.
 
         Args:

@@ -21,7 +21,7 @@ from .target import CARRIED_COVARIANCE, Pose, Target
 
 @dataclass(frozen=True)
 class TrackingModel:
-    """Constants of what is told and done while a target is not found."""
+    """Constants of what is done and told while a target is not found."""
 
     hold_frames: int = 20  # without a fix, after which a held target counts as lost
     search_after_frames: int = 2  # without a fix, after which the whole frame is searched
@@ -167,7 +167,7 @@ class Tracker:
         else:
             pose = pose.not_found(pose.homography, pose.covariance, seen.grey)
             is_measured = False
-        # Once all is seen again, that is looked at anew when next something hides the target.
+        # Once nothing hides the target, whether it is attached is to be measured anew when next something does.
         is_clear = is_found and candidate.support >= SEARCH.sure_support
         self._state = target, replace(pose, is_attached=None if is_clear else search.is_attached)
         return _estimate(target, pose, candidate, is_found, is_measured)
@@ -179,14 +179,14 @@ class Tracker:
 
 
 def _found(search: FrameSearch, pose: Pose) -> tuple[Candidate, bool]:
-    """The best candidate of a frame, and whether it shows the target; if so, to the last fractions of a pixel."""
+    """The best candidate of a frame, and whether it shows the target; if so, it is finely aligned."""
     candidate = search.nearby()
     is_found = search.is_found(candidate)
     if not is_found and pose.missed >= MODEL.search_after_frames:
         elsewhere = search.anywhere()
         if search.is_found(elsewhere) and is_sure_fix(elsewhere.evidence):
             candidate, is_found = elsewhere, True
-    return search.refined_finely(candidate) if is_found else candidate, is_found
+    return search.finely_aligned(candidate) if is_found else candidate, is_found
 
 
 def _estimate(target: Target, pose: Pose, candidate: Candidate, is_found: bool, is_measured: bool) -> Estimate:

@@ -1,1 +1,7 @@
-"""Frames and plain geometry, with NumPy and OpenCV alone."""
+"""Frames and plain geometry, with NumPy and OpenCV alone; anything may use it.
+
+- `arrays`: the types of arrays that pass between modules
+- `homography`, `quads`: plane geometry
+- `pyramid`, `observation`: frames, and crops and keypoints of them
+- `photometry`, `blur`: comparing images whatever the light and the blur
+"""
