@@ -190,7 +190,7 @@ def _video(path: Path, alpha: bool) -> Iterator[TimedPicture]:
     with container:
         rate = frame_rate(stream)
         clock = Clock(rate, stream.time_base or 1 / rate)
-        to_rgb = color.ToRGB(alpha)
+        to_rgb = color.ToRGB("rgba" if alpha else "rgb24")
         counter = itertools.count()
 
         def damaged() -> None:

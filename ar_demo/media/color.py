@@ -6,12 +6,14 @@ do not (measured: mean error 0.02 against -1.2 grey levels), which matters becau
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Literal
 
 import av
 import cv2
 import numpy as np
 from av.video.reformatter import ColorRange, Interpolation, VideoReformatter
+from numpy.typing import NDArray
 
 from hdn.imaging.arrays import Picture
 
@@ -23,6 +25,14 @@ _FROM_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND
 _TAGGED = {1: "bt709", 4: "fcc", 5: "bt601", 6: "bt601", 7: "smpte240m", 9: "bt2020", 10: "bt2020"}
 # Our name -> swscale's SWS_CS_* number (PyAV 17 does not name them all).
 _SWS = {"bt709": 1, "fcc": 4, "bt601": 5, "smpte240m": 7, "bt2020": 9}
+# Our name -> weights of red and blue in luma (H.273, MatrixCoefficients).
+_LUMA_WEIGHTS = {
+    "bt709": (0.2126, 0.0722),
+    "fcc": (0.30, 0.11),
+    "bt601": (0.299, 0.114),
+    "smpte240m": (0.212, 0.087),
+    "bt2020": (0.2627, 0.0593),
+}
 _TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
 
 
@@ -59,16 +69,9 @@ def rotation_of(frame: av.VideoFrame) -> int:
 class ToRGB:
     """Converts decoded frames to upright RGB (or RGBA) arrays; keeps swscale's tables between frames."""
 
-    def __init__(self, alpha: bool = False, depth: Literal[8, 16] = 8) -> None:
-        """Chooses the arrays' form.
-
-        Args:
-            alpha: RGBA rather than RGB.
-            depth: bits per sample: 8 for uint8, 16 for uint16 in full scale, made from the source's own depth.
-        """
-        self._format = {(False, 8): "rgb24", (True, 8): "rgba", (False, 16): "rgb48le", (True, 16): "rgba64le"}[
-            alpha, depth
-        ]
+    def __init__(self, form: Literal["rgb24", "rgba", "rgb48"] = "rgb24") -> None:
+        """Args: form: uint8 with 3 or 4 channels, or uint16 with 3, in full scale and from the source's own depth."""
+        self._form = form
         self._reformatter = VideoReformatter()
 
     def __call__(self, frame: av.VideoFrame, rotation: int = 0, size: tuple[int, int] | None = None) -> Picture:
@@ -83,20 +86,63 @@ class ToRGB:
             (H, W, 3 or 4), uint8 or uint16, writable and C-contiguous.
         """
         width, height = size or (frame.width, frame.height)
-        rgb = self._reformatter.reformat(
-            frame,
-            width,
-            height,
-            format=self._format,
-            src_colorspace=_SWS.get(matrix_of(frame)),
-            src_color_range=ColorRange.JPEG if is_full_range(frame) else ColorRange.MPEG,
-            dst_color_range=ColorRange.JPEG,
-            interpolation=_TO_RGB,
-        )
-        image: Picture = np.ascontiguousarray(rgb.to_ndarray())
+        if self._form == "rgb48":
+            image = self._deep(frame, width, height)
+        else:
+            image = self._reformat(frame, width, height, self._form, ColorRange.JPEG)
         if rotation:
             image = cv2.rotate(image, _TURNS[rotation])
         return image
+
+    def _reformat(self, frame: av.VideoFrame, width: int, height: int, form: str, range: ColorRange) -> Picture:
+        converted = self._reformatter.reformat(
+            frame,
+            width,
+            height,
+            format=form,
+            src_colorspace=_SWS.get(matrix_of(frame)),
+            dst_colorspace=_SWS.get(matrix_of(frame)) if form.startswith("yuv") else None,
+            src_color_range=ColorRange.JPEG if is_full_range(frame) else ColorRange.MPEG,
+            dst_color_range=range,
+            interpolation=_TO_RGB,
+        )
+        return np.ascontiguousarray(converted.to_ndarray())
+
+    def _deep(self, frame: av.VideoFrame, width: int, height: int) -> Picture:
+        """16 bits per sample. YUV of more than 8 bits is multiplied out here, for swscale wraps saturated colours."""
+        depth, matrix, full = depth_of(frame), matrix_of(frame), is_full_range(frame)
+        if depth == 8:
+            return self._reformat(frame, width, height, "rgb24", ColorRange.JPEG) * np.uint16(257)
+        if matrix == "rgb":
+            return self._reformat(frame, width, height, "rgb48le", ColorRange.JPEG)
+        yuv = self._reformat(frame, width, height, "yuv444p16le", ColorRange.JPEG if full else ColorRange.MPEG)
+        return cv2.transform(yuv, _yuv_to_rgb(matrix, depth if full else None))
+
+
+@cache
+def _yuv_to_rgb(matrix: str, full_depth: int | None) -> NDArray[np.float64]:
+    """(3, 4) from 16-bit YUV to 16-bit RGB in full scale, by H.273's equations 38 to 43.
+
+    Args:
+        matrix: its name.
+        full_depth: bits per sample of a full range source, whose samples were shifted up; None for limited range.
+    """
+    red, blue = _LUMA_WEIGHTS[matrix]
+    green = 1 - red - blue
+    of_y_and_chroma = np.array(
+        [
+            [1, 0, 2 * (1 - red)],
+            [1, -2 * blue * (1 - blue) / green, -2 * red * (1 - red) / green],
+            [1, 2 * (1 - blue), 0],
+        ]
+    )
+    if full_depth is None:
+        black, luma, chroma = 16 << 8, 219 << 8, 224 << 8
+    else:
+        black = 0
+        luma = chroma = ((1 << full_depth) - 1) << (16 - full_depth)
+    scaled = of_y_and_chroma * 65535 / [luma, chroma, chroma]
+    return np.hstack([scaled, -scaled @ [[black], [128 << 8], [128 << 8]]])
 
 
 class FromRGB:
@@ -105,13 +151,15 @@ class FromRGB:
     def __init__(self, pix_fmt: str) -> None:
         """Args: pix_fmt: FFmpeg's name of the pixel format, such as "yuv420p" or "yuv420p10le"."""
         self._pix_fmt = pix_fmt
+        self._is_rgb = av.VideoFormat(pix_fmt).is_rgb
         self._reformatter = VideoReformatter()
 
     def __call__(self, image: Picture) -> av.VideoFrame:
         """Converts (H, W, 3), uint8 or uint16. It is copied: it may be changed as soon as this returns."""
         image = np.ascontiguousarray(image)
         if image.dtype == np.uint16:
-            frame = av.VideoFrame.from_ndarray(image, "rgb48le")
+            # swscale takes 255 * 256 for white where it makes YUV.
+            frame = av.VideoFrame.from_ndarray(image if self._is_rgb else image - (image >> 8), "rgb48le")
         else:
             frame = av.VideoFrame.from_numpy_buffer(image, "rgb24")
         return self._reformatter.reformat(

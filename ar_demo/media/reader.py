@@ -119,7 +119,7 @@ class VideoReader:
         """
         self.path = Path(path)
         self.warnings: list[str] = []
-        self._depth: Literal[8, 16] = depth
+        self._form: Literal["rgb24", "rgb48"] = "rgb24" if depth == 8 else "rgb48"
         self._containers: list[InputContainer] = []
         self._index = Index()
         self._confirmed = 0  # its first frames that decoding from the start has given
@@ -160,7 +160,7 @@ class VideoReader:
         Raises:
             IndexDropped: frames were given out under numbers that prove wrong, by this iteration or another.
         """
-        to_rgb = color.ToRGB(depth=self._depth)
+        to_rgb = color.ToRGB(self._form)
         waiting = None  # a frame whose duration is known once the next one is decoded
         for decoded in self._decode_range(start, None if stop is None else stop + 1):
             if waiting is not None:
@@ -181,7 +181,7 @@ class VideoReader:
             for _ in self._decode(stop + 1):  # one more tells how long the last one lasts
                 pass
         stop = min(stop, len(self._index))
-        to_rgb = color.ToRGB(depth=self._depth)
+        to_rgb = color.ToRGB(self._form)
         bytes_each = self.info.width * self.info.height * 3 // 2  # 8 bit 4:2:0; others take more, but not much
         size = max(1, BACKWARD_BYTES // bytes_each)
         while stop > start:

@@ -9,6 +9,7 @@ import os
 import secrets
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
+from io import BytesIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any, cast
@@ -19,7 +20,8 @@ from av.codec.context import Flags
 from av.packet import Packet
 from av.video.reformatter import ColorRange
 from av.video.stream import VideoStream
-from numpy.typing import NDArray
+
+from hdn.imaging.arrays import Picture
 
 from ..errors import InputError, RunError
 from .audio import Audio
@@ -36,9 +38,13 @@ CONTAINERS = {
     ".webm": ("webm", "libvpx-vp9"),
 }
 DEFAULT_CRF = 18  # visually lossless in H.264
-# Pixel formats by preference; only the second row keeps an odd width or height.
+# Pixel formats of 8 bits by preference, or what codecs have that know none; the second row keeps odd sizes.
 _EVEN = ("yuv420p", "yuv422p", "yuv422p10le", "yuv444p", "gbrp", "rgb24")
 _ODD = ("yuv444p", "yuv444p10le", "gbrp", "rgb24")
+# The same of more bits.
+_EVEN_DEEP = ("yuv420p{depth}le", "yuv422p{depth}le", "yuv444p{depth}le", "gbrp{depth}le")
+_ODD_DEEP = ("yuv444p{depth}le", "gbrp{depth}le")
+_DEEP_CODECS = ("libx264", "libx265", "libsvtav1", "libvpx-vp9", "prores_ks", "ffv1")  # proposed for more bits
 _AVCOL_RGB, _AVCOL_BT709 = 0, 1  # H.273's numbers; BT.709 is 1 as matrix, primaries and transfer alike
 
 
@@ -46,16 +52,7 @@ class VideoWriter:
     """Writes RGB frames to a video file, which appears under its name only once it is complete.
 
     Used as a context manager: leaving it normally finishes the file, leaving it by any exception removes what there is.
-
-    path: .mp4, .m4v, .mov, .mkv or .webm in a folder that exists. width, height: pixels.
-    rate: average frames per second (a hint for players; `write` says the times). crf: quality, lower is better, where
-    the codec knows it, 0 to 51 (63 in VP9 and AV1). codec: an FFmpeg encoder, None for H.264 (VP9 in WebM).
-    time_base: seconds per tick in which all frame times are whole (the source's); None takes one that suits `rate`.
-    pixel_aspect: a pixel's width over its height. fast: larger files, but H.264 and H.265 keep up with a live source.
-
     Frame times start at zero in the file whatever the first one is; the sound moves with them.
-
-    Raises InputError before anything is written for what the container or codec cannot do; RunError when writing fails.
     """
 
     def __init__(
@@ -71,7 +68,26 @@ class VideoWriter:
         time_base: Fraction | None = None,
         pixel_aspect: Fraction = Fraction(1),
         fast: bool = False,
+        depth: int = 8,
     ) -> None:
+        """Begins a file.
+
+        Args:
+            path: .mp4, .m4v, .mov, .mkv or .webm in a folder that exists.
+            width, height: of the frames, px.
+            rate: average frames per second, a hint for players; `write` says the times.
+            codec: an FFmpeg encoder; None for H.264 (VP9 in WebM).
+            crf: quality, lower is better, where the codec knows it: 0 to 51 (63 in VP9 and AV1).
+            audio: the sound; None for none.
+            time_base: seconds per tick in which all frame times are whole (the source's); None takes one for `rate`.
+            pixel_aspect: a pixel's width over its height.
+            fast: larger files, but H.264 and H.265 keep up with a live source.
+            depth: bits per sample in the file: 8, 10, 12 ...; whatever frames are of.
+
+        Raises:
+            InputError: the container or codec cannot do this; nothing has been written.
+            RunError: the file cannot be begun.
+        """
         self.path = Path(path)
         if self.path.suffix.lower() not in CONTAINERS:
             raise InputError(f"{self.path}: output must end in one of {', '.join(CONTAINERS)}")
@@ -79,7 +95,7 @@ class VideoWriter:
             raise InputError(f"folder {self.path.parent} of the output does not exist: create it first")
         muxer, default_codec = CONTAINERS[self.path.suffix.lower()]
         codec = codec or default_codec
-        pix_fmt = _pixel_format(codec, width, height)
+        pix_fmt = _pixel_format(codec, muxer, width, height, depth)
 
         self._size = width, height
         self._rate = Fraction(rate)
@@ -90,6 +106,7 @@ class VideoWriter:
         self._kept: Packet[VideoStream] | None = None
         self._first_dts = 0
         self._last = self._end = Fraction(0)  # of the newest frame
+        self._count = 0
         self._part = self.path.with_name(f".{self.path.stem}.{secrets.token_hex(4)}.part{self.path.suffix}")
         options = {"movflags": "+faststart"} if muxer in ("mp4", "mov") else {}
         try:
@@ -126,20 +143,29 @@ class VideoWriter:
             self._discard()
             raise
 
-    def write(self, image: NDArray[np.uint8], time: Fraction, duration: Fraction | None = None) -> None:
+    def write(self, image: Picture, time: Fraction, duration: Fraction | None = None) -> None:
         """Appends a frame.
 
-        image: uint8 (height, width, 3) RGB. time: seconds, later than the frame before. duration: seconds; it matters
-        for the last frame only, and None is 1 / rate.
+        Args:
+            image: (height, width, 3) RGB, uint8 or uint16 in full scale; it may be changed afterwards.
+            time: seconds, later than the frame before.
+            duration: seconds; it matters for the last frame only, and None is 1 / rate.
+
+        Raises:
+            ValueError: the frame is of another size or kind, or not later than the one before.
+            RunError: writing failed.
         """
-        if image.shape != (self._size[1], self._size[0], 3):
-            raise ValueError(f"frame is {image.shape}, not {(self._size[1], self._size[0], 3)}")
+        if image.shape != (self._size[1], self._size[0], 3) or image.dtype not in (np.uint8, np.uint16):
+            raise ValueError(
+                f"frame is {image.dtype} {image.shape}, not {(self._size[1], self._size[0], 3)} of 8 or 16 bits"
+            )
         if self._start is None:
             self._start = time
         elif time <= self._last:
             raise ValueError(f"frame time {time} is not later than {self._last}")
         self._last = time
         self._end = time + (duration or 1 / self._rate)
+        self._count += 1
         frame = self._from_rgb(image)
         frame.time_base = self._time_base
         frame.pts = round((time - self._start) / self._time_base)
@@ -171,7 +197,7 @@ class VideoWriter:
         context.thread_type = "AUTO"
         if codec in ("libx265", "hevc_nvenc") and self._container.format.name in ("mp4", "mov"):
             context.codec_tag = "hvc1"  # Apple's players open no other
-        rgb = pix_fmt in ("gbrp", "rgb24")
+        rgb = pix_fmt.startswith(("gbrp", "rgb"))
         context.colorspace = _AVCOL_RGB if rgb else _AVCOL_BT709
         context.color_range = ColorRange.JPEG if rgb else ColorRange.MPEG
         context.color_primaries = _AVCOL_BT709
@@ -181,6 +207,8 @@ class VideoWriter:
     def _encode(self, frame: av.VideoFrame | None) -> Iterator[Packet[VideoStream]]:
         """Packets that are ready, but for the newest, which is kept back: see _last_packet."""
         for packet in self._stream.encode(frame):
+            if self._count <= 2 and self._stream.codec_context.name == "libx265":
+                packet.dts = packet.pts  # which x265 leaves unset, at random values, where there are no more frames
             if self._kept is None:
                 self._first_dts = packet.dts or 0
             else:
@@ -239,20 +267,38 @@ class VideoWriter:
         self._part.unlink(missing_ok=True)
 
 
-def _pixel_format(codec: str, width: int, height: int) -> str:
+def _pixel_format(codec: str, muxer: str, width: int, height: int, depth: int) -> str:
     """The pixel format to encode in; odd sizes, which 4:2:0 cannot hold, become 4:4:4."""
     try:
-        encoder = av.Codec(codec, "w")
+        offered = _offered(codec)
     except ValueError as error:
         raise InputError(f'video codec "{codec}" is unknown: try libx264, libx265 or libvpx-vp9') from error
-    offered = {pixel_format.name for pixel_format in encoder.video_formats or []}
     odd = bool(width % 2 or height % 2)
-    chosen = next((name for name in (_ODD if odd else _EVEN) if name in offered), None)
+    chosen = _preferred(offered, odd, depth)
+    if chosen is None and depth > 8:
+        with av.open(BytesIO(), "w", format=muxer) as container:
+            possible = [name for name in _DEEP_CODECS if name in container.supported_codecs & av.codecs_available]
+        possible = [name for name in possible if _preferred(_offered(name), odd, depth)]
+        advice = f"use {' or '.join(possible)}" if possible else "use fewer bits or another container"
+        raise InputError(f"codec {codec} cannot write {width}x{height} with {depth} bits per sample: {advice}")
     if chosen is None:
         raise InputError(f"codec {codec} cannot write {width}x{height}: use libx264")
     if odd and chosen.startswith("yuv444"):
         log.warning("odd size %dx%d is written as 4:4:4, which some players do not show", width, height)
     return chosen
+
+
+def _offered(codec: str) -> set[str]:
+    """Names of the pixel formats that an encoder takes; raises ValueError where there is no such encoder."""
+    return {pixel_format.name for pixel_format in av.Codec(codec, "w").video_formats or []}
+
+
+def _preferred(offered: set[str], odd: bool, depth: int) -> str | None:
+    if depth == 8:
+        wanted: tuple[str, ...] = _ODD if odd else _EVEN
+    else:
+        wanted = tuple(name.format(depth=depth) for name in (_ODD_DEEP if odd else _EVEN_DEEP))
+    return next((name for name in wanted if name in offered), None)
 
 
 def _fine_time_base(rate: Fraction) -> Fraction:
