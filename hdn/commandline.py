@@ -13,9 +13,11 @@ from threading import current_thread, main_thread
 from types import FrameType
 from typing import Any, NoReturn
 
-from .errors import InputError, RunError
+from .errors import TORCH_MISSING, InputError, RunError
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+NEGATIVE = re.compile(r"-\.?\d[\d.,:;e+-]*(s|ms|%)?")  # a number, numbers, or a time, below zero
 
 log = logging.getLogger(__name__)
 
@@ -25,11 +27,17 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, prog: str, description: str, epilog: str | None = None) -> None:
         super().__init__(prog, description=description, epilog=epilog)
-        # Corners such as -50,70 are numbers to us, and would be options to argparse.
-        self._negative_number_matcher = re.compile(r"^-\.?\d")
         self.add_argument(
             "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="show the version and exit"
         )
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse does, but corners such as -50,70 are values, not options.
+
+        A blank before a number changes nothing of it, and argparse takes no option to begin with one.
+        """
+        words = [*(sys.argv[1:] if args is None else args)]
+        return super().parse_known_args([f" {w}" if NEGATIVE.fullmatch(w) else w for w in words], namespace)
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see {self.prog} --help)")
@@ -65,6 +73,9 @@ def run(command: Command, arguments: Sequence[str] | None, interrupted: str) -> 
         print(f"interrupted: {interrupted}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:  # ours to mend, but no reason to show a trace to somebody who cannot
+        if isinstance(error, ModuleNotFoundError) and error.name == "torch":
+            print(f"error: this takes {TORCH_MISSING}", file=sys.stderr)
+            return BAD_INPUT
         log.debug("unexpected", exc_info=True)
         reason = f"{type(error).__name__}: {error}".split("\n")[0]
         print(f"error: {reason}; this should not happen: please report it with the command line", file=sys.stderr)

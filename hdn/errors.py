@@ -7,3 +7,6 @@ class InputError(ValueError):
 
 class RunError(RuntimeError):
     """Something failed while working on good input. Command lines exit with 1."""
+
+
+TORCH_MISSING = "PyTorch, which is not installed: install it with pip install 'ar-replace[torch]'"

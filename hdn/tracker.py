@@ -12,8 +12,8 @@ from .imaging.observation import Observation
 from .imaging.quads import check_quad
 from .localisation import MODEL as SEARCH
 from .localisation import Candidate, FrameSearch
-from .networks import weights
 from .networks.engine import Engine
+from .networks.loading import load_engine
 from .proposal import Proposal, Stage
 from .state import State
 from .target import CARRIED_COVARIANCE, Pose, Target
@@ -85,7 +85,7 @@ class Tracker:
         Raises:
             InputError: weights missing or of another architecture, no such device.
         """
-        self.engine = engine or Engine(weights.load(Path(weights_path or weights.shipped())), device)
+        self.engine = engine or load_engine(weights_path, device)
         self.stages = stages
         self._state: tuple[Target, Pose] | None = None
 

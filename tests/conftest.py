@@ -7,8 +7,9 @@ import pytest
 from ar_demo.cli import entry
 from ar_demo.tracking import protocol
 from hdn import Tracker
-from hdn.networks import weights
+from hdn.networks import pytorch, weights
 from hdn.networks.engine import Engine
+from hdn.networks.loading import load_engine
 
 Main = Callable[[list[str]], None]
 Run = Callable[..., tuple[int, str, str]]
@@ -34,15 +35,15 @@ def run(capsys: pytest.CaptureFixture[str], main: Main) -> Run:
 
 
 @pytest.fixture(scope="session")
-def network() -> weights.Hdn:
+def network() -> pytorch.Hdn:
     """The shipped networks."""
-    return weights.load(weights.shipped())
+    return pytorch.load(weights.shipped())
 
 
 @pytest.fixture(scope="session")
-def engine(network: weights.Hdn) -> Engine:
+def engine() -> Engine:
     """The shipped networks as the tracker runs them on a CPU; loaded once for all tests."""
-    return Engine(network, "cpu")
+    return load_engine(device="cpu")
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ from tqdm import tqdm
 from hdn.benchmark.identity import digest, sources, tracker_sources
 from hdn.commandline import DONE, Parser, run
 from hdn.imaging.arrays import Array, Image
-from hdn.networks.weights import load, shipped
+from hdn.networks.weights import configuration, shipped
 
 from ..errors import InputError
 from .quality import NAMES
@@ -79,7 +79,7 @@ def evaluate_all(scenes: list[Scene], out: Path, weights: Path | None = None) ->
         InputError, RunError: see `replace`.
     """
     if weights is not None:
-        load(weights)  # says now what is wrong with them
+        configuration(weights)  # says now what is wrong with them
     kept = out / "scenes"
     kept.mkdir(parents=True, exist_ok=True)
     code = [*sources(Path(__file__).parents[1], NO_PART), *tracker_sources(), weights or shipped()]

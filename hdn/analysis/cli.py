@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..commandline import DONE, Parser, run
 from ..errors import InputError
-from ..networks.weights import CONFIGS
+from ..networks.config import CONFIGS
 from . import conditioning as analysis_conditioning
 from . import rsew as analysis_rsew
 from . import states as analysis_states

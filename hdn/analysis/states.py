@@ -11,8 +11,7 @@ import numpy as np
 
 from ..benchmark.metrics import alignment_errors
 from ..errors import InputError
-from ..networks import weights
-from ..networks.engine import Engine
+from ..networks.loading import load_engine
 from ..tracker import Tracker
 from .figures import new_figure, save
 from .states_clips import EVENTS, Clip, drawn_clips, measured_clips, staged
@@ -61,7 +60,7 @@ def write(folder: Path, clips: Many[Path], each: int, frames: int, seed: int) ->
     if frames < 2:
         raise InputError("a tracker is judged from the second frame on: give --frames of 2 or more")
     every = chain(drawn_clips(each, frames, seed), *(measured_clips(f, frames) for f in clips))
-    engine = Engine(weights.load(weights.shipped()), "auto")
+    engine = load_engine()
     said: dict[tuple[str, str], list[Answers]] = {}
     rows: list[list[object]] = []
     for clip in every:

@@ -12,7 +12,6 @@ from time import perf_counter
 
 import cv2
 import numpy as np
-import torch
 
 from ..errors import InputError, RunError
 from ..imaging.arrays import Array, Image
@@ -184,7 +183,7 @@ def _run_and_save(job: Job) -> str | None:
 
 def _limit_threads(threads: int) -> None:
     cv2.setNumThreads(threads)
-    torch.set_num_threads(threads)
+    os.environ["OMP_NUM_THREADS"] = str(threads)  # PyTorch's, which is not imported yet
 
 
 def _no_answer(_: Image) -> Answer:

@@ -26,10 +26,11 @@ from ..imaging.arrays import Array, Image
 from ..imaging.homography import from_corners, similarity, transform, translation
 from ..imaging.observation import Observation
 from ..imaging.quads import square
-from ..networks import weights
-from ..networks.authors import ReferenceTracker
+from ..networks import torch_engine, weights
+from ..networks.authors import AuthorsTracker
 from ..networks.config import PAPER
 from ..networks.engine import Engine, Residual, Shift
+from ..networks.pytorch import Hdn, load
 from ..tracker import Tracker
 from .synthplanar.drawings import draw_poster, draw_scene
 
@@ -78,8 +79,9 @@ def _pose(phase: float, centre: Array) -> Array:
 class Clocked(Engine):
     """An engine that notes when a stage's network was done."""
 
-    def __init__(self, network: weights.Hdn, device: str, library: str) -> None:
-        super().__init__(network, device, library)
+    def __init__(self, network: Hdn, device: str, library: str) -> None:
+        engine = torch_engine.engine(network, device) if library == "torch" else torch_engine.converted(network)
+        super().__init__(engine.config, engine.functions, engine.description)
         self.done: dict[str, float] = {}
 
     def translation(self, *arguments: Any) -> Shift:
@@ -165,7 +167,7 @@ class Compact:
 
 def reference(footage: Footage) -> Callable[[int], dict[str, float]]:
     """The paper's configuration as the authors run it."""
-    tracker = ReferenceTracker(unmoved())
+    tracker = AuthorsTracker(unmoved())
     tracker.init(footage.frames[0], footage.quad)
 
     def measure(i: int) -> dict[str, float]:
@@ -177,14 +179,14 @@ def reference(footage: Footage) -> Callable[[int], dict[str, float]]:
     return measure
 
 
-def unmoved() -> weights.Hdn:
+def unmoved() -> Hdn:
     """The paper's networks with weights by chance, but for last layers that answer 'the pose is as it was'.
 
     They take the time of trained ones, and no chance answer makes for vast windows.
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
-        network = weights.Hdn(PAPER)
+        network = Hdn(PAPER)
     s: Any = network.similarity
     fc: Any = network.residual.fc
     heads = [head.head[-1] for maps in (s.translation, s.polar) for head in (*maps.cls.values(), *maps.loc.values())]
@@ -244,7 +246,7 @@ def benchmark(rounds: int, threads: int, weights_path: Path | None = None) -> di
     engines += [("cuda", "torch")] if torch.cuda.is_available() else []
     path = weights_path or weights.shipped()
     # Each engine loads its own networks, for PyTorch moves them to its device.
-    compacts = [Compact(Clocked(weights.load(path), *engine), footage) for engine in engines]
+    compacts = [Compact(Clocked(load(path), *engine), footage) for engine in engines]
     subjects = [Subject(f"compact, {_title(c.engine)}", c.measure) for c in compacts]
     subjects.append(Subject("paper, reference mode, PyTorch on the CPU", reference(footage), burst=1))
     for number in tqdm(range(rounds), unit=" rounds", disable=not sys.stderr.isatty()):

@@ -19,7 +19,6 @@ from ..imaging.homography import from_corners
 from ..imaging.homography import transform as through
 from ..imaging.quads import is_convex
 from ..networks import weights
-from ..networks.authors import ReferenceTracker
 from ..networks.config import COMPACT, PAPER
 from ..networks.engine import Engine
 from ..proposal import Stage
@@ -88,7 +87,10 @@ class Authors:
     """The authors' released tracker, which never says that it has lost the target."""
 
     def __init__(self, path: Path) -> None:
-        self.tracker = ReferenceTracker(weights.load(path))
+        from ..networks.authors import AuthorsTracker  # PyTorch, which no other tracker needs
+        from ..networks.pytorch import load
+
+        self.tracker = AuthorsTracker(load(path))
 
     def init(self, frame: Image, quad: Array) -> None:
         self.quad = quad
@@ -316,4 +318,4 @@ def _weights_of_ours(name: str, files: Sequence[Path]) -> Path:
 
 @cache
 def _configuration(path: Path) -> str:
-    return weights.load(path).config.name
+    return weights.configuration(path).name

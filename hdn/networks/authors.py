@@ -4,25 +4,33 @@ Whole frames are warped and rotated, windows are cut at whole pixels, the best c
 accumulate. `tracker.Tracker` samples its crops straight from the frame, and refines against the template instead.
 """
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 import torch
 import torch.nn.functional as F
-from numpy.typing import NDArray
 from torch import Tensor
 
-from ..imaging.arrays import Array, Image
+from ..imaging.arrays import Array, Floats, Image
 from ..imaging.homography import normalised, similarity, transform, translation
 from .engine import Shift
-from .polar import polar_crop, polar_points
-from .weights import Hdn
+from .geometry import polar_crop
+from .polar import polar_points
+from .pytorch import Hdn
 
-Floats = NDArray[np.float32]
 
-WINDOW_INFLUENCE = 0.16325  # of the Hann window on the translation score
-CENTRE_SCORE = 0.05  # of translation, under which the centre stays
-SIMILARITY_SCORE = 0.25  # of the log-polar branch, under which scale and rotation stay
-RESIDUAL_DISTANCE = 2.5  # between features, above which the residual is dropped
+@dataclass(frozen=True)
+class Thresholds:
+    """Where the authors' tracker trusts its networks; all values are those of their released configuration."""
+
+    window_influence: float = 0.16325  # share that a Hann window has in the choice of the translation's best cell
+    centre_score: float = 0.05  # of translation, 0..1: under it the centre stays
+    similarity_score: float = 0.25  # of the log-polar branch, 0..1: under it scale and rotation stay
+    residual_distance: float = 2.5  # between features, standard deviations of grey: above it the residual is dropped
+
+
+THRESHOLDS = Thresholds()
 
 
 def cut_window(frame: Image, centre: Array, size: float, crop_size: int, fill: Array) -> Image:
@@ -56,11 +64,11 @@ def decode(cls: Floats, loc: Floats, stride: int, influence: float) -> Shift:
     return Shift(float(column - n // 2 - dx) * stride, float(row - n // 2 - dy) * stride, float(score[row, column]))
 
 
-class ReferenceTracker:
+class AuthorsTracker:
     """The authors' tracker on the paper's networks, in single precision.
 
     Example:
-        tracker = ReferenceTracker(weights.load(path))
+        tracker = AuthorsTracker(pytorch.load(path))
         tracker.init(first_frame, quad)
         for frame in frames:
             homography = tracker.track(frame)
@@ -102,11 +110,11 @@ class ReferenceTracker:
         shift = self.locate(*self.translation_maps(self.search_crop(frame, self.centre)))
         centre = self.centre + np.array([shift.x, shift.y]) * self.side / self.config.template_size
         scale, rotation = 1.0, 0.0
-        if shift.score >= CENTRE_SCORE:
+        if shift.score >= THRESHOLDS.centre_score:
             scale, rotation = self.scale_and_rotation(*self.polar_maps(self.search_crop(frame, centre)))
         residual, distance = self.residual(self.grey(self.residual_crop(frame, centre, scale, rotation)))
         self.homography = self.compose(
-            centre, scale, rotation, residual if distance <= RESIDUAL_DISTANCE else np.eye(3)
+            centre, scale, rotation, residual if distance <= THRESHOLDS.residual_distance else np.eye(3)
         )
         return self.homography
 
@@ -145,13 +153,13 @@ class ReferenceTracker:
 
     def locate(self, cls: Floats, loc: Floats) -> Shift:
         """Translation, px of the search crop; none where the score is too low."""
-        shift = decode(cls, loc, self.config.stride, WINDOW_INFLUENCE)
-        return shift if shift.score >= CENTRE_SCORE else Shift(0.0, 0.0, shift.score)
+        shift = decode(cls, loc, self.config.stride, THRESHOLDS.window_influence)
+        return shift if shift.score >= THRESHOLDS.centre_score else Shift(0.0, 0.0, shift.score)
 
     def scale_and_rotation(self, cls: Floats, loc: Floats) -> tuple[float, float]:
         """Scale and rotation (rad); none where the score is too low."""
         shift = decode(cls, loc, self.config.stride, 0.0)
-        if shift.score < SIMILARITY_SCORE:
+        if shift.score < THRESHOLDS.similarity_score:
             return 1.0, 0.0
         return float(np.exp(shift.x * self.config.log_scale_per_pixel)), shift.y * self.config.radians_per_pixel
 

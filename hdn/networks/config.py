@@ -62,3 +62,5 @@ PAPER = Config(
     # Its inputs and correlation sums are not normalised: variances and maps may overflow half precision.
     half=False,
 )
+
+CONFIGS = {config.name: config for config in (COMPACT, PAPER)}

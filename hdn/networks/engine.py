@@ -1,21 +1,12 @@
-"""Runs the networks on single crops: OpenVINO on a CPU, PyTorch on CUDA.
-
-Both engines run the same functions of crops; the tracker does not know which it has.
-"""
+"""HDN's networks on single crops, whatever runs them: `openvino` on a CPU, `torch_engine` on CUDA."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import numpy as np
-import torch
-from numpy.typing import NDArray
-from torch import Tensor, nn
 
-from ..errors import InputError
-from ..imaging.arrays import Floats, Image
-from .weights import Hdn
+from ..imaging.arrays import Array, Floats, Image
+from .config import Config
 
 
 @dataclass(frozen=True)
@@ -36,173 +27,47 @@ class Residual:
         visible: (m, m) probability that each part of the target is seen; the paper's network has one for the whole.
     """
 
-    offsets: NDArray[np.float64]
+    offsets: Array
     visible: Floats
 
 
-class _Encode(nn.Module):
-    """A branch's correlation kernel from the maps of a template crop."""
-
-    def __init__(self, branch: nn.Module) -> None:
-        super().__init__()
-        self.branch: Any = branch
-
-    def forward(self, *maps: Tensor) -> tuple[Tensor]:
-        return (self.branch.encode_template(maps),)
+Function = Callable[..., list[Floats]]  # of arrays; crops are uint8 (1, h, w, 3)
 
 
-class _Correlate(nn.Module):
-    """A branch's logits and offsets from its kernel and the maps of a search crop."""
+@dataclass(frozen=True)
+class Functions:
+    """The networks' parts, as functions.
 
-    def __init__(self, branch: nn.Module) -> None:
-        super().__init__()
-        self.branch: Any = branch
-
-    def forward(self, kernel: Tensor, *maps: Tensor) -> tuple[Tensor, Tensor]:
-        return self.branch(kernel, self.branch.encode_search(maps))
-
-
-class _OfImage(nn.Module):
-    """A network whose last input is an image as it is kept, uint8 (1, n, n, 3), in place of floats (1, 3, n, n)."""
-
-    def __init__(self, network: nn.Module) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        *others, image = inputs
-        return self.network(*others, image.permute(0, 3, 1, 2).float())
-
-
-class _Joined(nn.Module):
-    """A head on the backbone's maps of the last input."""
-
-    def __init__(self, backbone: nn.Module, head: nn.Module) -> None:
-        super().__init__()
-        self.backbone, self.head = backbone, head
-
-    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        *kernels, crop = inputs
-        return self.head(*kernels, *self.backbone(crop))
-
-
-class _Describe(nn.Module):
-    """What the residual network keeps of a template crop."""
-
-    def __init__(self, network: nn.Module) -> None:
-        super().__init__()
-        self.network: Any = network
-
-    def forward(self, crop: Tensor) -> tuple[Tensor]:
-        return (self.network.describe(crop),)
-
-
-class _Compare(nn.Module):
-    """The residual network's part that runs once a frame."""
-
-    def __init__(self, network: nn.Module) -> None:
-        super().__init__()
-        self.network: Any = network
-
-    def forward(self, template: Tensor, crop: Tensor) -> tuple[Tensor, ...]:
-        return self.network.compare(template, crop)
-
-
-Function = Callable[..., list[Floats]]
-
-
-def _torch_functions(network: Hdn, device: torch.device) -> list[Function]:
-    s = network.similarity
-    heads = _Encode(s.translation), _Encode(s.polar), _Correlate(s.translation), _Correlate(s.polar)
-    half = network.config.half and device.type == "cuda"
-
-    def function(module: nn.Module) -> Function:
-        module = _OfImage(module).to(device).eval()
-
-        def run(*inputs: NDArray[Any]) -> list[Floats]:
-            with torch.inference_mode(), torch.autocast("cuda", torch.float16, enabled=half):
-                outputs = module(*(torch.from_numpy(x).to(device) for x in inputs))
-            return [o.float().cpu().numpy() for o in outputs]
-
-        return run
-
-    residual = _Describe(network.residual), _Compare(network.residual)
-    functions = [function(m) for m in (*(_Joined(s.backbone, head) for head in heads), *residual)]
-    return [*functions, functions[2]]  # a survey is a translation in a larger crop
-
-
-def _openvino_functions(network: Hdn) -> list[Function]:
-    from .openvino import compiled, convert, join
-
-    c, s = network.config, network.similarity
-    template, residual = (torch.zeros(1, n, n, 3, dtype=torch.uint8) for n in (c.template_size, c.residual_size))
-    seeing, describe = _OfImage(s.backbone), _OfImage(_Describe(network.residual))
-    backbone = convert(seeing, template)
-    with torch.inference_mode():
-        maps = seeing(template)
-        kernel, polar_kernel = s.encode_template(maps), s.encode_polar_template(maps)
-        (described,) = describe(residual)
-    models = (
-        join(backbone, convert(_Encode(s.translation), *maps), c.template_size),
-        join(backbone, convert(_Encode(s.polar), *maps), c.polar_size),
-        join(backbone, convert(_Correlate(s.translation), kernel, *maps), c.search_size, kernel),
-        join(backbone, convert(_Correlate(s.polar), polar_kernel, *maps), c.polar_size, polar_kernel),
-        convert(describe, residual),
-        convert(_OfImage(_Compare(network.residual)), described, residual),
-    )
-    models[-2].reshape({0: list(residual.shape)})
-    models[-1].reshape({0: list(described.shape), 1: list(residual.shape)})
-    survey = models[2].clone()
-    survey.reshape({0: list(kernel.shape), 1: [1, -1, -1, 3]})
-
-    @cache
-    def surveying() -> Function:
-        return compiled(survey)
-
-    # Compiled only where a target is lost.
-    return [*(compiled(model) for model in models), lambda *inputs: surveying()(*inputs)]
-
-
-def choose_device(name: str) -> torch.device:
-    """'auto', 'cpu' or 'cuda' to a device.
-
-    Raises:
-        InputError: 'cuda' where there is none, or another name.
+    Attributes:
+        encode, encode_polar: a template crop, or its log-polar crop, to the branch's correlation kernel.
+        translation, polar: a kernel and a search crop of the configuration's size to score logits (1, 2, n, n) and
+            offsets (1, 2 or 4, n, n) in cells.
+        survey: as `translation`, of a crop of any size.
+        describe: a residual crop of the template to what `compare` needs of it.
+        compare: that and a residual crop of the search to what `conclude` takes.
+        conclude: to the offsets and visibility of a `Residual`.
     """
-    if name not in ("auto", "cpu", "cuda"):
-        raise InputError(f"unknown device '{name}': choose auto, cpu or cuda")
-    if name == "cuda" and not torch.cuda.is_available():
-        raise InputError("no CUDA device is available: use --device cpu or auto")
-    return torch.device("cuda" if name == "cuda" or (name == "auto" and torch.cuda.is_available()) else "cpu")
+
+    encode: Function
+    encode_polar: Function
+    translation: Function
+    polar: Function
+    describe: Function
+    compare: Function
+    survey: Function
+    conclude: Callable[..., tuple[Array, Floats]]
 
 
 class Engine:
     """The networks as functions of RGB crops (n, n, 3)."""
 
-    def __init__(self, network: Hdn, device: str = "auto", library: str = "auto") -> None:
-        """Args: library: 'openvino', 'torch', or 'auto': OpenVINO on a CPU, PyTorch on CUDA."""
-        chosen = choose_device(device)
-        self.config = network.config
-        if library == "openvino" or (library == "auto" and chosen.type == "cpu"):
-            self.description = "OpenVINO on the CPU"
-            functions = _openvino_functions(network)
-        else:
-            self.description = f"PyTorch on {chosen.type}"
-            functions = _torch_functions(network, chosen)
-        (
-            self._encode,
-            self._encode_polar,
-            self._translation,
-            self._polar,
-            self._describe,
-            self._compare,
-            self._survey,
-        ) = functions
-        self._conclude = network.residual.conclude
+    def __init__(self, config: Config, functions: Functions, description: str) -> None:
+        """Args: description: what runs them, as the log says it."""
+        self.config, self.functions, self.description = config, functions, description
 
     def encode_template(self, crop: Image, polar: Image) -> tuple[Floats, Floats]:
         """Template crop and its log-polar crop to the kernels of the two branches; once a target."""
-        return self._encode(crop[None])[0], self._encode_polar(polar[None])[0]
+        return self.functions.encode(crop[None])[0], self.functions.encode_polar(polar[None])[0]
 
     def translation(self, kernel: Floats, crop: Image) -> Shift:
         """Where the target's centre is in a search crop, px from the crop's centre.
@@ -210,24 +75,22 @@ class Engine:
         Args: crop: (n, n, 3) of the configuration's size; or (h, w, 3) of other ones that `survey_size` makes.
         """
         usual = crop.shape[:2] == (self.config.search_size,) * 2
-        logits, offsets = (self._translation if usual else self._survey)(kernel, crop[None])
+        logits, offsets = (self.functions.translation if usual else self.functions.survey)(kernel, crop[None])
         return _decode(logits, offsets, self.config.stride)
 
     def polar(self, kernel: Floats, crop: Image) -> Shift:
         """Shift of the log-polar crop: log-scale along x, rotation along y, in its pixels."""
-        logits, offsets = self._polar(kernel, crop[None])
+        logits, offsets = self.functions.polar(kernel, crop[None])
         return _decode(logits, offsets, self.config.stride)
 
     def describe(self, crop: Image) -> Floats:
         """What `residual` needs of the template's crop; once a target."""
-        return self._describe(crop[None])[0]
+        return self.functions.describe(crop[None])[0]
 
     def residual(self, template: Floats, crop: Image) -> Residual:
         """Corner offsets from a described template's crop to another, and which parts of the target are seen in it."""
-        outputs = self._compare(template, crop[None])
-        with torch.inference_mode():
-            offsets, visible = self._conclude(*(torch.from_numpy(x) for x in outputs))
-        return Residual(offsets[0].double().numpy(), visible[0].numpy())
+        outputs = self.functions.compare(template, crop[None])
+        return Residual(*self.functions.conclude(*outputs))
 
 
 def survey_size(length: float) -> int:

@@ -1,4 +1,4 @@
-"""Homographies of batches, differentiable."""
+"""Homographies and log-polar crops of batches, differentiable."""
 
 import torch
 import torch.nn.functional as F
@@ -28,3 +28,10 @@ def project(matrix: Tensor, points: Tensor) -> Tensor:
     """Points (M, 2) or (B, M, 2) through homographies (B, 3, 3), differentiable: (B, M, 2)."""
     p = F.pad(points, (0, 1), value=1.0) @ matrix.transpose(1, 2)
     return p[..., :2] / p[..., 2:]
+
+
+def polar_crop(crops: Tensor, centre: Tensor, points: Tensor) -> Tensor:
+    """Log-polar crops (B, 3, n, n) of square crops (B, 3, m, m) about centre (B, 2), px from the crops' centres."""
+    m = crops.shape[-1]
+    grid = (points[None] + centre[:, None, None]) * (2 / m)
+    return F.grid_sample(crops, grid, padding_mode="border", align_corners=False)

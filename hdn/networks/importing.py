@@ -1,10 +1,10 @@
 """Import of the authors' released checkpoint: its names and shapes, to ours."""
 
-import argparse
 import logging
 import pickle
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,10 @@ import torch
 from safetensors import SafetensorError
 from torch import Tensor
 
+from ..commandline import DONE, Parser, run
 from ..errors import InputError, RunError
-from . import weights
 from .config import PAPER
+from .pytorch import Hdn, save
 
 log = logging.getLogger(__name__)
 
@@ -66,7 +67,7 @@ def read_checkpoint(path: Path) -> dict[str, Tensor]:
     return {str(name).removeprefix("module."): value for name, value in content.items()}
 
 
-def to_network(checkpoint: dict[str, Tensor]) -> weights.Hdn:
+def to_network(checkpoint: dict[str, Tensor]) -> Hdn:
     """The paper's networks with the weights of a checkpoint, in evaluation mode.
 
     Tensors that the networks do not have are left out, with a warning that names them.
@@ -75,7 +76,7 @@ def to_network(checkpoint: dict[str, Tensor]) -> weights.Hdn:
         InputError: tensors are missing or of another shape.
     """
     with torch.device("meta"):  # no time goes into initial values
-        network = weights.Hdn(PAPER)
+        network = Hdn(PAPER)
     expected = network.state_dict()
     theirs = {our_name(name): name for name in checkpoint}
     unexpected = [name for ours, name in theirs.items() if ours not in expected]
@@ -111,7 +112,7 @@ def convert(checkpoint: Path, output: Path) -> None:
         raise InputError(f"folder {output.parent} is missing: make it, or name another file with -o")
     network = to_network(read_checkpoint(checkpoint))
     try:
-        weights.save(network, output, {"made": f"imported from {checkpoint.name}"})
+        save(network, output, {"made": f"imported from {checkpoint.name}"})
     except (OSError, SafetensorError) as error:
         raise RunError(f"{output} cannot be written ({error}): name another file with -o") from error
 
@@ -120,21 +121,23 @@ def _some(names: list[str]) -> str:
     return ", ".join(names[:4]) + (" ..." if len(names) > 4 else "")
 
 
-def main() -> None:
-    """The command `hdn-import`."""
-    parser = argparse.ArgumentParser(
-        prog="hdn-import",
-        description="Turn the HDN authors' released checkpoint into weights for ar-replace --weights.",
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of hdn-import."""
+    sys.exit(run(_command, arguments, "nothing was written"))
+
+
+def _command(arguments: Sequence[str] | None) -> int:
+    parser = Parser(
+        "hdn-import",
+        "Turn the HDN authors' released checkpoint into weights for ar-replace --weights.",
+        "Exit status: 0 done, 1 failed while working, 2 wrong input.",
     )
     parser.add_argument("checkpoint", type=Path, help="the released .pth file")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="safetensors file to write")
-    options = parser.parse_args()
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="safetensors file to write")
+    options = parser.parse_args(arguments)
     logging.basicConfig(format="%(levelname)s: %(message)s")
-    try:
-        convert(options.checkpoint, options.output)
-    except (InputError, RunError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2 if isinstance(error, InputError) else 1)
+    convert(options.checkpoint, options.output)
+    return DONE
 
 
 if __name__ == "__main__":

@@ -1,59 +1,62 @@
-"""PyTorch modules to functions that OpenVINO runs on the CPU.
+"""Running HDN with OpenVINO on a CPU, from networks that lie beside a weights file as OpenVINO IR.
 
-`openvino.convert_model` does as much, but runs each module four times to convert it, which takes longer than all else
-at the tracker's start, and reports to its makers. So the modules are traced here and given to its front end.
+The parts of HDN are the graphs of one IR, so that what they share, the backbone, is stored once. Its two files are in
+one zip archive, NAME.openvino.zip beside NAME.safetensors; the IR names the digest of the weights that it is of.
 """
 
-import warnings
-from collections.abc import Callable
-from functools import cache
+import sys
+import tempfile
+import zipfile
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-import openvino as ov
-import torch
 from numpy.typing import NDArray
-from openvino.frontend import FrontEndManager
-from openvino.frontend.pytorch.ts_decoder import TorchScriptPythonDecoder
-from torch import Tensor, nn
 
-Floats = NDArray[np.float32]
-Function = Callable[..., list[Floats]]
-
-
-def convert(module: nn.Module, *examples: Tensor) -> ov.Model:
-    """A module in evaluation mode as an OpenVINO model; its inputs have the examples' dimensions, at any size."""
-    with torch.inference_mode(), warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of tracing, which OpenVINO's front end needs
-        traced = torch.jit.trace(module.eval(), examples, check_trace=False)
-    front_end = FrontEndManager().load_by_framework("pytorch")
-    decoder = TorchScriptPythonDecoder(traced, example_input=examples)  # to be kept until all is converted
-    source = front_end.load(decoder)
-    for place, example in zip(source.get_inputs(), examples, strict=True):
-        source.set_element_type(place, ov.Type(example.numpy().dtype))
-        source.set_partial_shape(place, ov.PartialShape([-1] * example.ndim))
-    return front_end.convert(source)
+from ..imaging.arrays import Array, Floats
+from .config import Config
+from .corners import conclude
+from .engine import Engine, Function, Functions
+from .weights import digest
 
 
-def join(backbone: ov.Model, head: ov.Model, crop_size: int, *kernels: Tensor) -> ov.Model:
-    """One model of a crop's backbone and a head on its maps.
+def _imported() -> Any:
+    """OpenVINO without its converter of other formats, which comes when it is first asked for.
 
-    Args:
-        head: takes the kernels, then the maps; it is used up.
-        kernels: examples of those inputs of the head that stay inputs of the whole, before the crop.
+    The converter takes half the time of the import, and reports each import to its makers by the network.
     """
-    backbone = backbone.clone()
-    backbone.reshape([1, crop_size, crop_size, 3])
-    inputs = head.get_parameters()
-    for parameter, kernel in zip(inputs, kernels, strict=False):
-        parameter.set_partial_shape(ov.PartialShape(list(kernel.shape)))
-    for parameter, result in zip(inputs[len(kernels) :], backbone.get_results(), strict=True):
-        parameter.output(0).replace(result.input_value(0))
-    return ov.Model(head.get_results(), inputs[: len(kernels)] + backbone.get_parameters())
+    name = "openvino.tools.ovc"
+    if "openvino" in sys.modules:
+        return sys.modules["openvino"]
+    sys.modules[name] = None  # type: ignore[assignment]  # as if it were not installed, which OpenVINO provides for
+    try:
+        openvino = import_module("openvino")
+    finally:
+        del sys.modules[name]
+
+    def converter(attribute: str) -> Any:
+        if attribute == "convert_model":
+            return import_module(name).convert_model
+        raise AttributeError(f"module 'openvino' has no attribute '{attribute}'")
+
+    openvino.__getattr__ = converter  # type: ignore[method-assign]
+    return openvino
+
+
+ov = _imported()
+
+Models = Mapping[str, Any]  # openvino.Model by the names of `Functions`
+
+SUFFIX = ".openvino.zip"
+XML, BIN = "hdn.xml", "hdn.bin"
+DIGEST = "weights_sha256"  # the entry of the IR's rt_info
+OPTIONS = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
 
 
 @cache
-def _core() -> ov.Core:
+def core() -> Any:
     """One for the process, for good: a core gives the thread a stack for signals, which goes with it.
 
     The next Ctrl-C would then end in a segmentation fault (seen with OpenVINO 2026.4).
@@ -61,12 +64,10 @@ def _core() -> ov.Core:
     return ov.Core()
 
 
-def compiled(model: ov.Model, threads: int | None = None) -> Function:
+def compiled(model: Any, threads: int | None = None) -> Function:
     """The model as a function of arrays, in single precision, on so many threads or all there are."""
-    options: dict[str, str | int] = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
-    if threads:
-        options["INFERENCE_NUM_THREADS"] = threads
-    request = _core().compile_model(model, "CPU", options).create_infer_request()
+    options: dict[str, str | int] = {**OPTIONS, "INFERENCE_NUM_THREADS": threads} if threads else {**OPTIONS}
+    request = core().compile_model(model, "CPU", options).create_infer_request()
     outputs = len(model.outputs)
 
     def run(*inputs: NDArray[Any]) -> list[Floats]:
@@ -76,3 +77,62 @@ def compiled(model: ov.Model, threads: int | None = None) -> Function:
         return [request.get_output_tensor(i).data.copy() for i in range(outputs)]
 
     return run
+
+
+def engine(config: Config, models: Models, conclusion: Callable[..., tuple[Array, Floats]] | None = None) -> Engine:
+    """The models, compiled.
+
+    Args: conclusion: of `Functions`, where it is another than the compact configuration's.
+    """
+
+    @cache
+    def surveying() -> Function:
+        return compiled(models["survey"])
+
+    functions = {name: compiled(model) for name, model in models.items() if name != "survey"}
+    functions["survey"] = lambda *inputs: surveying()(*inputs)  # compiled only where a target is lost
+    conclusion = conclusion or partial(conclude, config.residual_size)
+    return Engine(config, Functions(**functions, conclude=conclusion), "OpenVINO on the CPU")
+
+
+def read_ir(weights: Path) -> Models | None:
+    """The networks beside a weights file, None where there are none, or those of other weights."""
+    path = weights.with_suffix(SUFFIX)
+    if not path.is_file():
+        return None
+    with zipfile.ZipFile(path) as archive:
+        whole = core().read_model(archive.read(XML), archive.read(BIN))
+    if not whole.has_rt_info(DIGEST) or whole.get_rt_info(DIGEST).astype(str) != digest(weights):
+        return None
+    graphs: dict[str, tuple[list[Any], list[Any]]] = {}
+    for kind, nodes in enumerate((whole.get_results(), whole.get_parameters())):
+        for node in sorted(nodes, key=lambda n: n.get_friendly_name()):
+            name, _ = node.get_friendly_name().split("/")
+            graphs.setdefault(name, ([], []))[kind].append(node)
+    return {name: ov.Model(*graph, name) for name, graph in graphs.items()}
+
+
+def write_ir(models: Models, weights: Path) -> Path:
+    """Writes networks beside the weights file that they are of, and returns where."""
+    results, parameters = [], []
+    for name, model in models.items():
+        for kind, nodes in (("out", model.get_results()), ("in", model.get_parameters())):
+            for i, node in enumerate(nodes):
+                node.set_friendly_name(f"{name}/{kind}{i}")
+        results += model.get_results()
+        parameters += model.get_parameters()
+    whole = ov.Model(results, parameters, "hdn")
+    for node in whole.get_ops():
+        if node.get_type_name() != "Result":
+            for output in node.outputs():
+                output.get_tensor().set_names(set())
+    whole.set_rt_info(digest(weights), DIGEST)
+    path = weights.with_suffix(SUFFIX)
+    with tempfile.TemporaryDirectory() as folder:
+        xml, data = Path(folder, XML), Path(folder, BIN)
+        ov.serialize(whole, xml, data)
+        with zipfile.ZipFile(path, "w") as archive:
+            for file in (xml, data):
+                info = zipfile.ZipInfo(file.name)  # without the time
+                archive.writestr(info, file.read_bytes(), zipfile.ZIP_DEFLATED, 9)
+    return path

@@ -164,6 +164,7 @@ class ResidualNetwork(nn.Module):
 
 
 @functools.lru_cache
+@torch.inference_mode(False)  # what is kept may be used in training next
 def geometry(size: int, device: torch.device) -> tuple[Tensor, Tensor, Tensor]:
     """Points looked up (m * m, 2) and cells looked in (n * n, 2), px from the crop's centre; -1e4 where too far off."""
     r = torch.arange(0, size, STRIDE, dtype=torch.float32, device=device) - (size - 1) / 2

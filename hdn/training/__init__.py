@@ -1,5 +1,1 @@
 """Training of HDN's components, each by itself, on samples of its own; resumable and seeded. See docs/training.md."""
-
-from .cli import main
-
-__all__ = ["main"]

@@ -1,4 +1,4 @@
-from . import main
+from ..entry import train_main
 
 if __name__ == "__main__":
-    main()
+    train_main()

@@ -10,8 +10,10 @@ import torch
 
 from ..commandline import Parser, run
 from ..errors import InputError
-from ..networks import weights
-from ..networks.config import COMPACT
+from ..networks import pytorch
+from ..networks.config import COMPACT, CONFIGS
+from ..networks.conversion import pack_ir
+from ..networks.weights import shipped
 from ..synthesis import Photos
 from . import ablation
 from .checkpoint import read_checkpoint
@@ -54,8 +56,14 @@ def _parser() -> Parser:
     _add_training(command)
     command.set_defaults(run=_ablate)
 
-    command = commands.add_parser("pack", help="the three components into one weights file", description="")
-    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the three checkpoints")
+    command = commands.add_parser(
+        "pack",
+        help="the three components into one weights file",
+        description="Write a weights file, and beside it its networks for OpenVINO, which run without PyTorch.",
+    )
+    source = command.add_mutually_exclusive_group(required=True)
+    source.add_argument("--out", type=Path, metavar="DIR", help="folder of the three checkpoints, and for the file")
+    source.add_argument("--weights", type=Path, metavar="FILE", help="a weights file, that lacks those networks alone")
     command.set_defaults(run=_pack)
 
     command = commands.add_parser("validate", help="errors of weights on held-out images", description="")
@@ -70,7 +78,7 @@ def _add_training(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("--images", type=Path, nargs="+", default=[], metavar="DIR", help="trees of images")
     add("--videos", type=Path, nargs="+", default=[], metavar="DIR", help="trees of videos or folders of frames")
-    add("--config", choices=list(weights.CONFIGS), default=COMPACT.name, help="default compact")
+    add("--config", choices=list(CONFIGS), default=COMPACT.name, help="default compact")
     add("--out", type=Path, required=True, metavar="DIR", help="for checkpoints, curves and reports")
     add("--steps", type=int, metavar="N", help="default: the recipe's")
     add("--batch", type=int, metavar="N", help="default: the recipe's")
@@ -111,7 +119,7 @@ def _check_budget(options: argparse.Namespace) -> None:
 
 def _backbone(options: argparse.Namespace) -> Path | None:
     """Of the compact configuration the shipped weights have it, as ImageNet's classifier left it."""
-    return options.backbone or (weights.shipped() if options.config == COMPACT.name else None)
+    return options.backbone or (shipped() if options.config == COMPACT.name else None)
 
 
 def _train(options: argparse.Namespace) -> None:
@@ -122,7 +130,7 @@ def _train(options: argparse.Namespace) -> None:
     if options.videos and component != "residual":
         logging.warning("clips teach the residual component alone: --videos are not read")
         options.videos = []
-    config = weights.CONFIGS[options.config]
+    config = CONFIGS[options.config]
     # What cannot be used is refused before all images are read.
     saved = read_checkpoint(options.out / f"{component}.pt", component, config, options.start)
     if options.start and saved is None:
@@ -145,7 +153,7 @@ def _train(options: argparse.Namespace) -> None:
 
 def _ablate(options: argparse.Namespace) -> None:
     _check_budget(options)
-    device, config = _machine(options), weights.CONFIGS[options.config]
+    device, config = _machine(options), CONFIGS[options.config]
     report = ablation.run(
         Data.open(options.images, options.videos, device, options.seed),
         options.out,
@@ -161,13 +169,16 @@ def _ablate(options: argparse.Namespace) -> None:
 
 
 def _pack(options: argparse.Namespace) -> None:
-    path = pack(options.out / "translation.pt", options.out / "polar.pt", options.out / "residual.pt", options.out)
+    if options.weights:
+        path = pack_ir(options.weights)
+    else:
+        path = pack(options.out / "translation.pt", options.out / "polar.pt", options.out / "residual.pt", options.out)
     print(f"Written to {path}")
 
 
 def _validate(options: argparse.Namespace) -> None:
     device = _machine(options)
-    network = weights.load(weights.shipped() if options.weights == "shipped" else Path(options.weights))
+    network = pytorch.load(shipped() if options.weights == "shipped" else Path(options.weights))
     found = find_images(options.images)
     kept = [p for p in found if held_out(p)]
     print(f"{len(kept or found)} images, {'of held-out sources' if kept else 'none of them of a held-out source'}")

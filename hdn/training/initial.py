@@ -9,9 +9,9 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from ..errors import InputError
-from ..networks import weights
 from ..networks.backbone import Backbone
 from ..networks.config import Config
+from ..networks.pytorch import load
 from ..networks.similarity import SimilarityNetwork
 
 FAILURES = (
@@ -55,7 +55,7 @@ def load_start(path: Path, component: str, config: Config) -> dict[str, Tensor]:
     """
     if not path.is_file():
         raise InputError(f"--start {path} is missing: name an existing weights file")
-    network = weights.load(path)
+    network = load(path)
     if network.config != config:
         raise InputError(
             f"--start {path} is of configuration {network.config.name}: name weights of {config.name}, "

@@ -8,10 +8,11 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from ..networks.geometry import dlt, project
-from ..networks.openvino import compiled, convert
+from ..networks.conversion import convert
+from ..networks.geometry import dlt, polar_crop, project
+from ..networks.openvino import compiled
 from ..networks.paper import PaperResidual
-from ..networks.polar import polar_crop, polar_points
+from ..networks.polar import polar_points
 from ..networks.residual import STRIDE, Matches, ResidualNetwork, geometry
 from ..networks.similarity import SimilarityNetwork
 from ..synthesis import (

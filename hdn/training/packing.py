@@ -6,12 +6,16 @@ from typing import Any
 import torch
 
 from ..errors import InputError
-from ..networks import weights
+from ..networks.config import CONFIGS, PAPER
+from ..networks.conversion import pack_ir
+from ..networks.pytorch import Hdn, save
 from .checkpoint import read_checkpoint
 
 
 def pack(translation: Path, polar: Path, residual: Path, path: Path) -> Path:
     """Writes a weights file that names its configuration, and how each component was trained.
+
+    Beside it lie its networks for OpenVINO, but for the paper's configuration, which takes PyTorch anyhow.
 
     Args: path: the file, or a folder, in which it is hdn_CONFIG.safetensors.
 
@@ -34,12 +38,14 @@ def pack(translation: Path, polar: Path, residual: Path, path: Path) -> Path:
             raise InputError(
                 f"{polar} stands on another backbone than {translation}: train both with the same --backbone or --start"
             )
-    network = weights.Hdn(weights.CONFIGS[config])
+    network = Hdn(CONFIGS[config])
     network.similarity.load_state_dict({n: (other if n.startswith("polar.") else similarity)[n] for n in similarity})
     network.residual.load_state_dict(states["residual"]["network"])
     if path.is_dir():
         path = path / f"hdn_{config}.safetensors"
-    weights.save(network, path, {component: _history(state) for component, state in states.items()})
+    save(network, path, {component: _history(state) for component, state in states.items()})
+    if network.config is not PAPER:
+        pack_ir(path)
     return path
 
 

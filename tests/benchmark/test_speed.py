@@ -15,7 +15,7 @@ from hdn.errors import InputError
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import from_corners, transform
 from hdn.imaging.observation import Observation
-from hdn.networks import weights
+from hdn.networks import pytorch, torch_engine
 from hdn.networks.engine import Engine
 
 from ..scenes import Scene, path
@@ -26,12 +26,12 @@ def footage() -> Footage:
     return Footage()
 
 
-def test_engines_agree_on_a_moving_poster(network: weights.Hdn, engine: Engine) -> None:
+def test_engines_agree_on_a_moving_poster(network: pytorch.Hdn, engine: Engine) -> None:
     scene = Scene()
     truth = path(scene.quad, 8)
     frames = [scene.draw(corners) for corners in truth]
     answers: list[dict[int, Array]] = []
-    for each in (engine, Engine(network, "cpu", "torch")):
+    for each in (engine, torch_engine.engine(network, "cpu")):
         tracker = Tracker(engine=each)
         tracker.init(frames[0], truth[0])
         answers.append({})
@@ -59,7 +59,7 @@ def test_footage_moves_over_and_over(footage: Footage) -> None:
     assert {frame.shape for frame in footage.frames} == {(720, 1280, 3)}
 
 
-def test_a_compact_tracker_follows_the_footage_and_its_parts_add_up(network: weights.Hdn, footage: Footage) -> None:
+def test_a_compact_tracker_follows_the_footage_and_its_parts_add_up(network: pytorch.Hdn, footage: Footage) -> None:
     compact = Compact(Clocked(network, "cpu", "torch"), footage)
     parts = compact.measure(1)
     assert parts[STAGES] == pytest.approx(parts["translation"] + parts["scale and rotation"] + parts["residual"])
@@ -70,8 +70,8 @@ def test_a_compact_tracker_follows_the_footage_and_its_parts_add_up(network: wei
 
 def test_the_reference_answers_that_nothing_moved(footage: Footage, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
-    track = speed.ReferenceTracker.track
-    monkeypatch.setattr(speed.ReferenceTracker, "track", lambda self, frame: seen.append(track(self, frame)))
+    track = speed.AuthorsTracker.track
+    monkeypatch.setattr(speed.AuthorsTracker, "track", lambda self, frame: seen.append(track(self, frame)))
     parts = speed.reference(footage)(1)
     assert set(parts) == {STAGES}
     np.testing.assert_allclose(seen[0], footage.homographies[0], atol=1e-6)
@@ -116,7 +116,7 @@ def test_report(
 
 
 class FakeEngine:
-    def __init__(self, network: weights.Hdn, device: str, library: str) -> None:
+    def __init__(self, network: pytorch.Hdn, device: str, library: str) -> None:
         self.config = network.config
         self.description = "OpenVINO on the CPU" if library == "openvino" else f"PyTorch on {device}"
 

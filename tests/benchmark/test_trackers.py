@@ -9,7 +9,7 @@ import pytest
 from hdn.benchmark import trackers
 from hdn.benchmark.trackers import OURS, TRACKERS, make_tracker, weights_of
 from hdn.errors import InputError
-from hdn.networks import weights
+from hdn.networks import pytorch, weights
 from hdn.networks.config import PAPER
 from hdn.networks.engine import Engine
 
@@ -74,13 +74,13 @@ def test_ecc_is_exact_on_a_target_larger_than_its_working_size(shrink: int) -> N
 @pytest.fixture(scope="module")
 def paper_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Untrained weights of the paper's configuration, with offsets of zero: others may lead out of all bounds."""
-    network = weights.Hdn(PAPER).requires_grad_(False)
+    network = pytorch.Hdn(PAPER).requires_grad_(False)
     for branch in (network.similarity.translation, network.similarity.polar):
         branch.loc_scale.zero_()
     network.residual.fc.weight.zero_()
     network.residual.fc.bias.zero_()
     path = tmp_path_factory.mktemp("paper") / "paper.safetensors"
-    weights.save(network, path, {})
+    pytorch.save(network, path, {})
     return path
 
 

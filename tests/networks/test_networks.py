@@ -10,13 +10,15 @@ import torch
 from hdn.imaging.homography import from_corners, transform
 from hdn.imaging.observation import Observation
 from hdn.imaging.quads import side, square
+from hdn.networks import torch_engine
 from hdn.networks.config import COMPACT, PAPER
 from hdn.networks.engine import Engine, _decode
-from hdn.networks.geometry import dlt, project
-from hdn.networks.polar import polar_crop, polar_points
+from hdn.networks.geometry import dlt, polar_crop, project
+from hdn.networks.loading import load_engine
+from hdn.networks.polar import polar_points
+from hdn.networks.pytorch import Hdn
 from hdn.networks.residual import ResidualNetwork, geometry, standardise
 from hdn.networks.similarity import ROTATIONS, SCALES, pose_grid
-from hdn.networks.weights import Hdn
 from hdn.proposal import MODEL, Proposer
 
 from ..scenes import Scene, error, moved, texture
@@ -102,7 +104,7 @@ def test_a_survey_finds_the_target_anywhere_in_the_frame(
 ) -> None:
     """Turned as before, of another size, in part beyond the frame's edge."""
     scene = Scene()
-    engine = Engine(network, "cpu", library)
+    engine = torch_engine.engine(network, "cpu") if library == "torch" else load_engine(device="cpu")
     proposer = Proposer(engine, Observation(scene.draw(scene.quad)), scene.quad, frozenset({"similarity"}))
     last = moved(scene.quad, (0, 0), 1.0, 0.9)
     there = moved(last, tuple(np.array(centre) - last.mean(0)), 0.7)
@@ -136,8 +138,8 @@ def test_standardised_crops_know_no_gain_and_bias() -> None:
 
 
 @pytest.fixture(scope="module")
-def torch_engine(network: Hdn) -> Engine:
-    return Engine(network, "cpu", library="torch")
+def pytorch_engine(network: Hdn) -> Engine:
+    return torch_engine.engine(network, "cpu")
 
 
 def agree(ours: Engine, theirs: Engine) -> None:
@@ -203,12 +205,12 @@ def test_of_four_offsets_the_first_and_third_are_read() -> None:
     assert _decode(logits, offsets, 8).y == pytest.approx(-16, abs=1)
 
 
-def test_openvino_and_pytorch_agree(engine: Engine, torch_engine: Engine) -> None:
-    agree(engine, torch_engine)
+def test_openvino_and_pytorch_agree(engine: Engine, pytorch_engine: Engine) -> None:
+    agree(engine, pytorch_engine)
 
 
 def test_openvino_and_pytorch_agree_on_the_paper_s_networks() -> None:
     torch.manual_seed(0)
     # Slimmer, for time; `test_parity` has them in full.
     slim = Hdn(replace(PAPER, channels=16, search_size=143)).eval().requires_grad_(False)
-    agree(Engine(slim, "cpu"), Engine(slim, "cpu", library="torch"))
+    agree(torch_engine.converted(slim), torch_engine.engine(slim, "cpu"))

@@ -7,7 +7,8 @@ import pytest
 
 INTERRUPTED_AFTERWARDS = """
 import gc, signal, torch
-from hdn.networks.openvino import compiled, convert
+from hdn.networks.conversion import convert
+from hdn.networks.openvino import compiled
 runs = [compiled(convert(torch.nn.Conv2d(3, 4, 3), torch.zeros(1, 3, 16, 16))) for _ in range(3)]
 while runs:
     del runs[0]

@@ -10,9 +10,9 @@ import pytest
 import torch
 
 from hdn.imaging.homography import normalised, transform
-from hdn.networks import weights
-from hdn.networks.authors import ReferenceTracker
+from hdn.networks.authors import AuthorsTracker
 from hdn.networks.importing import to_network
+from hdn.networks.pytorch import Hdn
 
 PARITY = Path(__file__).parents[3] / "shared" / "parity"
 
@@ -38,7 +38,7 @@ def theirs() -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def paper_network() -> weights.Hdn:
+def paper_network() -> Hdn:
     spec = importlib.util.spec_from_file_location("parity_weights", PARITY / "weights.py")
     assert spec
     assert spec.loader
@@ -49,8 +49,8 @@ def paper_network() -> weights.Hdn:
 
 
 @pytest.fixture(scope="module")
-def tracker(paper_network: weights.Hdn, theirs: dict[str, Any]) -> ReferenceTracker:
-    tracker = ReferenceTracker(paper_network)
+def tracker(paper_network: Hdn, theirs: dict[str, Any]) -> AuthorsTracker:
+    tracker = AuthorsTracker(paper_network)
     tracker.init(frame(theirs, 0), theirs["quad"].astype(float))
     return tracker
 
@@ -64,7 +64,7 @@ def frame(theirs: dict[str, Any], index: int) -> Any:
     return np.ascontiguousarray(theirs[f"frame{index}"][..., ::-1])
 
 
-def test_windows_and_template_crops(tracker: ReferenceTracker, theirs: dict[str, Any]) -> None:
+def test_windows_and_template_crops(tracker: AuthorsTracker, theirs: dict[str, Any]) -> None:
     assert (tracker.side, tracker.residual_side) == (theirs["s_z"], theirs["s_z_sm"])
     np.testing.assert_allclose(tracker.fill[::-1], theirs["channel_average"])
     for crop, reference in (
@@ -75,7 +75,7 @@ def test_windows_and_template_crops(tracker: ReferenceTracker, theirs: dict[str,
         assert np.abs(crop.astype(float) - rgb(reference)).mean() < 1
 
 
-def test_search_crops(tracker: ReferenceTracker, theirs: dict[str, Any]) -> None:
+def test_search_crops(tracker: AuthorsTracker, theirs: dict[str, Any]) -> None:
     image = frame(theirs, 1)
     assert np.abs(tracker.search_crop(image, tracker.centre).astype(float) - rgb(theirs["x_crop"])).mean() < 1
     centre = moved_centre(tracker, theirs)
@@ -83,7 +83,7 @@ def test_search_crops(tracker: ReferenceTracker, theirs: dict[str, Any]) -> None
     assert close(tracker.search_polar(rgb(theirs["x_crop_moved"])).numpy()[:, ::-1], theirs["x_lp"]) < 1e-3
 
 
-def test_template_features(paper_network: weights.Hdn, theirs: dict[str, Any]) -> None:
+def test_template_features(paper_network: Hdn, theirs: dict[str, Any]) -> None:
     s = paper_network.similarity
     maps = s.backbone(torch.from_numpy(theirs["z_crop"][:, [2, 1, 0]]))
     assert close(s.translation.neck(maps)[0][:, :, 4:11, 4:11], theirs["zf0"]) < 1e-3
@@ -92,7 +92,7 @@ def test_template_features(paper_network: weights.Hdn, theirs: dict[str, Any]) -
 
 
 @torch.inference_mode()
-def test_translation_outputs(paper_network: weights.Hdn, theirs: dict[str, Any]) -> None:
+def test_translation_outputs(paper_network: Hdn, theirs: dict[str, Any]) -> None:
     s = paper_network.similarity
     kernel = s.encode_template(s.backbone(torch.from_numpy(theirs["z_crop"][:, [2, 1, 0]])))
     cls, loc = s.translation(kernel, s.encode_search(s.backbone(torch.from_numpy(theirs["x_crop"][:, [2, 1, 0]]))))
@@ -101,7 +101,7 @@ def test_translation_outputs(paper_network: weights.Hdn, theirs: dict[str, Any])
 
 
 @torch.inference_mode()
-def test_log_polar_outputs(paper_network: weights.Hdn, theirs: dict[str, Any]) -> None:
+def test_log_polar_outputs(paper_network: Hdn, theirs: dict[str, Any]) -> None:
     s = paper_network.similarity
     kernel = s.encode_polar_template(s.backbone(torch.from_numpy(theirs["z_crop"][:, [5, 4, 3]])))
     cls, loc = s.polar(kernel, s.encode_polar_search(s.backbone(torch.from_numpy(theirs["x_lp"][:, [2, 1, 0]]))))
@@ -110,7 +110,7 @@ def test_log_polar_outputs(paper_network: weights.Hdn, theirs: dict[str, Any]) -
 
 
 @torch.inference_mode()
-def test_residual_outputs(tracker: ReferenceTracker, theirs: dict[str, Any]) -> None:
+def test_residual_outputs(tracker: AuthorsTracker, theirs: dict[str, Any]) -> None:
     assert close(tracker.residual_grey[0], theirs["init_homo_tmp"]) < 1e-5
     matrix, distance = tracker.residual(torch.from_numpy(theirs["residual_input"][:, 1:]))
     assert close(search_to_template(matrix), theirs["H_mat"][0]) < 1e-3
@@ -118,14 +118,14 @@ def test_residual_outputs(tracker: ReferenceTracker, theirs: dict[str, Any]) -> 
 
 
 @torch.inference_mode()
-def test_residual_crop(tracker: ReferenceTracker, theirs: dict[str, Any]) -> None:
+def test_residual_crop(tracker: AuthorsTracker, theirs: dict[str, Any]) -> None:
     scale, rotation = tracker.scale_and_rotation(theirs["cls_lp"], theirs["loc_lp"])
     crop = tracker.residual_crop(frame(theirs, 1), moved_centre(tracker, theirs), scale, rotation)
     difference = np.abs(tracker.grey(crop)[0, 0].numpy() - theirs["residual_input"][0, 1]).mean()
     assert difference * 70 < 1  # their unit is a standard deviation: 70 grey levels
 
 
-def test_decoding_and_composition(tracker: ReferenceTracker, theirs: dict[str, Any]) -> None:
+def test_decoding_and_composition(tracker: AuthorsTracker, theirs: dict[str, Any]) -> None:
     assert tracker.locate(theirs["cls"], theirs["loc_c"]).score == pytest.approx(float(theirs["best_score"]), abs=1e-6)
     scale, rotation = tracker.scale_and_rotation(theirs["cls_lp"], theirs["loc_lp"])
     total = tracker.compose(
@@ -136,12 +136,12 @@ def test_decoding_and_composition(tracker: ReferenceTracker, theirs: dict[str, A
     np.testing.assert_allclose(corners, theirs["polygon_1"], atol=0.01)
 
 
-def moved_centre(tracker: ReferenceTracker, theirs: dict[str, Any]) -> Any:
+def moved_centre(tracker: AuthorsTracker, theirs: dict[str, Any]) -> Any:
     shift = tracker.locate(theirs["cls"], theirs["loc_c"])
     return tracker.centre + np.array([shift.x, shift.y]) * tracker.side / tracker.config.template_size
 
 
-def test_tracks_from_frame_to_frame(tracker: ReferenceTracker, theirs: dict[str, Any]) -> None:
+def test_tracks_from_frame_to_frame(tracker: AuthorsTracker, theirs: dict[str, Any]) -> None:
     # No figures: among random weights two cells score alike, and a grey level decides between them.
     homography = tracker.track(frame(theirs, 1))
     assert homography[2, 2] == 1

@@ -12,7 +12,7 @@ from safetensors import safe_open
 
 from hdn.benchmark.metrics import roc_area
 from hdn.errors import InputError
-from hdn.networks import weights
+from hdn.networks import pytorch, weights
 from hdn.networks.config import COMPACT, PAPER, Config
 from hdn.networks.residual import ResidualNetwork
 from hdn.networks.similarity import SimilarityNetwork
@@ -42,7 +42,7 @@ def shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A weights file as it ships, but of an untrained network."""
     torch.manual_seed(0)
     path = tmp_path_factory.mktemp("weights") / weights.FILE_NAME
-    weights.save(weights.Hdn(), path, {})
+    pytorch.save(pytorch.Hdn(), path, {})
     return path
 
 
@@ -163,7 +163,7 @@ def test_begins_with_given_weights_and_keeps_their_name(
     assert f"polar: begins with the weights of {shipped}" in capsys.readouterr().out
     first = torch.load(tmp_path / "polar.pt", weights_only=True)
     assert (first["step"], first["start"]) == (1, str(shipped))
-    given = weights.load(shipped).similarity.state_dict()
+    given = pytorch.load(shipped).similarity.state_dict()
     moved = {name: value for name, value in first["network"].items() if not torch.equal(value, given[name])}
     assert all(name.startswith("polar.") for name in moved)
     # One step at the schedule's first rate, a hundredth of the highest, goes no farther.
@@ -201,7 +201,7 @@ def test_the_paper_s_rate_is_as_it_says() -> None:
 
 def test_packs_each_component_from_its_own_checkpoint(tmp_path: Path) -> None:
     torch.manual_seed(1)
-    trained = {component: weights.Hdn() for component in COMPONENTS}
+    trained = {component: pytorch.Hdn() for component in COMPONENTS}
     backbone = trained["translation"].similarity.backbone
     trained["polar"].similarity.backbone = backbone
     paths = [tmp_path / f"{component}.pt" for component in COMPONENTS]
@@ -216,7 +216,7 @@ def test_packs_each_component_from_its_own_checkpoint(tmp_path: Path) -> None:
 
     written = pack(*paths, tmp_path)  # type: ignore[call-arg]
     assert written == tmp_path / "hdn_compact.safetensors"
-    packed = weights.load(written)
+    packed = pytorch.load(written)
     for ours, theirs in (
         (packed.similarity.backbone, backbone),
         (packed.similarity.translation, trained["translation"].similarity.translation),
@@ -232,7 +232,7 @@ def test_packs_each_component_from_its_own_checkpoint(tmp_path: Path) -> None:
             "residual": "2 steps, seed 3",
         }
 
-    torch.save(states[1] | {"network": weights.Hdn().similarity.state_dict()}, paths[1])
+    torch.save(states[1] | {"network": pytorch.Hdn().similarity.state_dict()}, paths[1])
     with pytest.raises(InputError, match=r"polar\.pt stands on another backbone than .*translation\.pt"):
         pack(*paths, tmp_path)  # type: ignore[call-arg]
     torch.save(states[2] | {"config": "paper"}, paths[2])
@@ -244,7 +244,7 @@ def test_packs_each_component_from_its_own_checkpoint(tmp_path: Path) -> None:
 
 
 def test_a_backbone_in_half_precision_is_the_same_one(tmp_path: Path) -> None:
-    network = weights.Hdn()
+    network = pytorch.Hdn()
     rounded = {n: v.half().float() if v.is_floating_point() else v for n, v in network.similarity.state_dict().items()}
     parts = {
         "translation": network.similarity.state_dict(),
@@ -258,7 +258,7 @@ def test_a_backbone_in_half_precision_is_the_same_one(tmp_path: Path) -> None:
 
 def test_a_usual_resnet_50_sees_what_ours_sees() -> None:
     torch.manual_seed(0)
-    ours = weights.Hdn(SLIM["paper"]).similarity.backbone.state_dict()
+    ours = pytorch.Hdn(SLIM["paper"]).similarity.backbone.state_dict()
     usual = {name: value.clone() for name, value in ours.items()} | {"fc.weight": torch.zeros(1000, 2048)}
     for stage in (2, 3, 4):
         name = f"layer{stage}.0.downsample.0.weight"
@@ -276,9 +276,9 @@ def test_a_usual_resnet_50_sees_what_ours_sees() -> None:
 
 
 def test_a_weights_file_of_ours_gives_its_backbone(shipped: Path) -> None:
-    similarity = weights.Hdn().similarity
+    similarity = pytorch.Hdn().similarity
     load_backbone(similarity, shipped)
-    expected = weights.load(shipped).similarity.backbone.state_dict()
+    expected = pytorch.load(shipped).similarity.backbone.state_dict()
     torch.testing.assert_close(similarity.backbone.state_dict(), expected, rtol=1e-3, atol=1e-6)
 
 
@@ -356,7 +356,7 @@ def test_the_ablation_trains_each_variant_once_and_reports(
     data: Data, tmp_path: Path, shipped: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trained = []
-    network = weights.load(shipped)
+    network = pytorch.load(shipped)
 
     def fake(component: str, data: Data, out: Path, *args: object, **options: object) -> dict[str, Figures]:
         trained.append((component, out.name, options["recipe"]))

@@ -1,0 +1,75 @@
+"""From a weights file to the networks on a device, without PyTorch wherever that is not needed."""
+
+import ctypes
+import logging
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+from ..errors import TORCH_MISSING, InputError
+from . import openvino
+from .engine import Engine
+from .weights import configuration, shipped
+
+log = logging.getLogger(__name__)
+
+
+def load_engine(weights: Path | str | None = None, device: str = "auto") -> Engine:
+    """The networks, ready to run: on a CPU by OpenVINO, on CUDA by PyTorch.
+
+    On a CPU, PyTorch is only needed for weights that no OpenVINO IR lies beside (see `hdn-train pack`).
+
+    Args:
+        weights: safetensors file; None takes the shipped one.
+        device: 'auto' takes CUDA where PyTorch is installed and has it, or else the CPU.
+
+    Raises:
+        InputError: weights missing, damaged or of another architecture; no such device; PyTorch needed and missing.
+    """
+    path = Path(weights or shipped())
+    config, chosen = configuration(path), choose_device(device)
+    if chosen == "cpu" and (models := openvino.read_ir(path)) is not None:
+        return openvino.engine(config, models)
+    if find_spec("torch") is None:
+        raise InputError(
+            f"{path} has no OpenVINO networks of these weights beside it, and to make them takes {TORCH_MISSING}"
+        )
+    from . import pytorch, torch_engine
+
+    network = pytorch.load(path)
+    if chosen == "cuda":
+        return torch_engine.engine(network, "cuda")
+    log.info("%s is converted by PyTorch: 'hdn-train pack --weights' does it for good", path)
+    return torch_engine.converted(network)
+
+
+def choose_device(name: str) -> str:
+    """'auto', 'cpu' or 'cuda' to one of the latter two.
+
+    Raises:
+        InputError: 'cuda' where there is none, or another name.
+    """
+    if name not in ("auto", "cpu", "cuda"):
+        raise InputError(f"unknown device '{name}': choose auto, cpu or cuda")
+    if name == "cuda" and find_spec("torch") is None:
+        raise InputError(f"--device cuda takes {TORCH_MISSING}")
+    if name == "cpu" or (name == "auto" and not _may_have_cuda()):
+        return "cpu"
+    import torch
+
+    if torch.cuda.is_available():
+        return "cuda"
+    if name == "cuda":
+        raise InputError("no CUDA device is available: use --device cpu or auto")
+    return "cpu"
+
+
+def _may_have_cuda() -> bool:
+    """Whether PyTorch and a driver of CUDA are there: without them, importing PyTorch for an answer is spared."""
+    if find_spec("torch") is None:
+        return False
+    try:
+        ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")
+    except OSError:
+        return False
+    return True
