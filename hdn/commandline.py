@@ -55,16 +55,15 @@ class _Version(argparse.Action):
 Command = Callable[[Sequence[str] | None], int]
 
 
-def run(command: Command | str, arguments: Sequence[str] | None, interrupted: str) -> int:
+def run(command: Command, arguments: Sequence[str] | None, interrupted: str) -> int:
     """The command's exit status; whatever it raises is said in one line on stderr.
 
     Args:
-        command: takes the arguments, and gives the exit status; or 'module:function', see `load`.
+        command: takes the arguments, and gives the exit status; see `load`.
         interrupted: what Ctrl-C leaves behind.
     """
     try:
-        do: Command = load(command, interrupted) if isinstance(command, str) else command
-        return do(arguments)
+        return command(arguments)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -80,6 +79,9 @@ def run(command: Command | str, arguments: Sequence[str] | None, interrupted: st
         print(f"interrupted: {interrupted}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:  # ours to mend, but no reason to show a trace to somebody who cannot
+        if isinstance(error, ModuleNotFoundError) and error.name == "torch":
+            print(f"error: this takes {TORCH_MISSING}", file=sys.stderr)
+            return BAD_INPUT
         log.debug("unexpected", exc_info=True)
         reason = f"{type(error).__name__}: {error}".split("\n")[0]
         print(f"error: {reason}; this should not happen: please report it with the command line", file=sys.stderr)

@@ -1,20 +1,26 @@
-"""Entry points of the command lines that take PyTorch. `run` loads it, and says so where it is not installed."""
+"""Entry points of the command lines that take PyTorch: it is loaded inside `run`, which says where it is missing."""
 
 import sys
 
-from .commandline import run
+from .commandline import load, run
+
+LEFT_BEHIND = "nothing was begun"
 
 
 def train_main() -> None:
     """Entry point of hdn-train."""
-    sys.exit(run("hdn.training.cli:main", None, "nothing was begun"))
+    _main("hdn.training.cli:main")
 
 
 def import_main() -> None:
     """Entry point of hdn-import."""
-    sys.exit(run("hdn.networks.importing:main", None, "nothing was written"))
+    _main("hdn.networks.importing:main")
 
 
 def bench_main() -> None:
     """Entry point of hdn-bench."""
-    sys.exit(run("hdn.benchmark.speed:main", None, "nothing was measured"))
+    _main("hdn.benchmark.speed:main")
+
+
+def _main(name: str) -> None:
+    sys.exit(run(lambda arguments: load(name, LEFT_BEHIND)(arguments), None, LEFT_BEHIND))
