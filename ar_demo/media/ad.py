@@ -5,25 +5,24 @@ from __future__ import annotations
 import itertools
 import logging
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import Literal
 
 import av
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageOps, UnidentifiedImageError
 
-from ..closing import Closing
+from hdn.imaging.arrays import Picture
+
+from ..choices import CHOICES, Playback
 from ..errors import InputError
 from . import color
 from .decode import Clock, decode, frame_rate, has_alpha, open_video, picture_duration
 
 log = logging.getLogger(__name__)
 
-Playback = Literal["loop", "hold", "once"]
-Picture = NDArray[np.uint8]
 # A frame's start in seconds from the ad's beginning, and how to get its picture: frames skipped are never converted.
 TimedPicture = tuple[Fraction, Callable[[], Picture]]
 
@@ -31,11 +30,14 @@ _IMAGE_FORMATS = ("PNG", "JPEG", "MPO", "WEBP", "GIF", "BMP", "TIFF", "PPM", "AV
 _DEFAULT_STEP = Fraction(1, 10)  # an animated image's frame of no stated duration, as browsers show it
 
 
-class Ad(Closing):
-    """An opened ad.
+class Ad(AbstractContextManager["Ad"]):
+    """An opened ad. A context manager that closes the file.
 
-    width, height: pixels. duration: seconds, None for a still. playback: what comes after the end: "loop" begins
-    again, "hold" keeps the last frame, "once" shows nothing any more.
+    Attributes:
+        path: the file.
+        width, height: px.
+        duration: seconds, None for a still.
+        playback: what comes after the end: "loop" begins again, "hold" keeps the last frame, "once" shows nothing.
     """
 
     def __init__(
@@ -45,6 +47,17 @@ class Ad(Closing):
         duration: Fraction | None,
         start: Callable[[], Iterator[TimedPicture]],
     ) -> None:
+        """Shows the first frame.
+
+        Args:
+            path: the file.
+            playback: what comes after the end.
+            duration: seconds; None for a still.
+            start: begins the ad: an iterator over its frames, which is closed where it can be.
+
+        Raises:
+            InputError: there is no frame.
+        """
         self.path = path
         self.playback = playback
         self.duration = duration
@@ -55,15 +68,22 @@ class Ad(Closing):
         self._time, self._convert = self._restart()
         self.height, self.width = self._picture().shape[:2]
 
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
     def close(self) -> None:
-        """Closes the file."""
+        """Closes the file; calling again does nothing."""
         self._stop()
 
     def at(self, time: Fraction) -> Picture | None:
-        """The picture shown `time` seconds after the ad began, or None after the end of an ad played "once".
+        """The picture shown at a time; times that do not decrease are fast, an earlier one starts the ad afresh.
 
-        Returns uint8 (h, w, 3) RGB or (h, w, 4) RGBA with straight alpha, not to be written to. The same frame asked
-        for again is the identical array. Times that do not decrease are fast; an earlier one starts the ad afresh.
+        Args:
+            time: seconds since the ad began.
+
+        Returns:
+            uint8 (h, w, 3) RGB or (h, w, 4) RGBA with straight alpha, not to be written to; the identical array where
+            the same frame is asked for again. None after the end of an ad played "once".
         """
         time = max(time, Fraction(0))
         if self.duration is not None and time >= self.duration:
@@ -104,11 +124,12 @@ class Ad(Closing):
 def open_ad(path: Path | str, playback: Playback = "loop") -> Ad:
     """Opens an image, an animated image or a video as an ad.
 
-    Raises InputError where the file is missing or none of these.
+    Raises:
+        InputError: the file is missing or none of these, or there is no such playback.
     """
     path = Path(path)
-    if playback not in ("loop", "hold", "once"):
-        raise InputError(f'ad playback "{playback}" is unknown: use loop, hold or once')
+    if playback not in CHOICES["playback"]:
+        raise InputError(f'ad playback "{playback}" is unknown: use {", ".join(CHOICES["playback"])}')
     if not path.is_file():
         raise InputError(f"{path} does not exist or is not a file: check the ad's file name")
     Image.init()

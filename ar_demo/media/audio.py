@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import Literal, cast
+from typing import cast
 
 import av
 import numpy as np
@@ -17,12 +17,11 @@ from av.container import InputContainer, OutputContainer
 from av.packet import Packet
 from numpy.typing import NDArray
 
-from .ad import Playback
+from ..choices import AudioMode, Playback
 from .decode import picture_duration
 
 log = logging.getLogger(__name__)
 
-AudioMode = Literal["source", "ad", "mix", "none"]
 Warn = Callable[[str], None]
 Samples = NDArray[np.float32]  # (2, n): stereo at RATE, within -1 to 1
 
@@ -36,14 +35,21 @@ _REFUSED = {"mov": {"opus", "flac", "truehd"}, "mp4": {"truehd"}}
 
 
 class Audio:
-    """What is to be heard. `attach` it to an output, then take `packets` as the picture goes on."""
+    """What is to be heard. `attach` it to an output, then take `packets` as the picture goes on.
+
+    Attributes:
+        warnings: what went differently from what was asked.
+    """
 
     def __init__(self, mode: AudioMode, source: Path, ad: Path | None = None, playback: Playback = "loop") -> None:
-        """Sound that is asked for but not there is gone on without; that, as other such things, is in `warnings`.
+        """Looks which of the files have sound; one that is asked for but has none is gone on without, with a warning.
 
         A silent video that keeps its sound is as it was, and no reason to warn.
 
-        source, ad: the files. playback: of the ad; a looped ad's sound is looped with its picture, else it plays once.
+        Args:
+            mode: whose sound it is.
+            source, ad: the files; ad is None where there is none.
+            playback: of the ad: a looped one's sound is looped with its picture, else it plays once.
         """
         self.warnings: list[str] = []
         self._source = source if mode in ("source", "mix") and _has_sound(source) else None
@@ -63,9 +69,11 @@ class Audio:
             self._feed = _Encode(output, self._source, self._ad, self._loop, self._warn)
 
     def packets(self, start: Fraction, until: Fraction) -> Iterator[Packet[AudioStream]]:
-        """Packets not yet given out whose sound begins before `until`.
+        """Packets not yet given out whose sound begins before a time.
 
-        start, until: seconds on the source's clock; `start`, always the same, is the output's zero.
+        Args:
+            start: the output's zero in seconds on the source's clock, always the same.
+            until: the time in seconds on the source's clock.
         """
         if self._feed is not None:
             yield from self._feed.packets(start, until)

@@ -22,7 +22,8 @@ _ALPHA_DECODERS = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
     """Opens a clip and picks its first picture stream. The caller closes the container.
 
-    Raises InputError for a missing or unreadable file, one that is no video, and one without a picture stream.
+    Raises:
+        InputError: the file is missing, cannot be read, is no video, or has no picture stream.
     """
     if not path.exists():
         raise InputError(f"{path} does not exist: check the file name")
@@ -65,8 +66,12 @@ def decode(
 ) -> Generator[av.VideoFrame, None, None]:
     """Decoded frames in display order from where the container stands.
 
-    Packets that do not decode are skipped, a file that breaks off ends the iteration: on_damage() is called for each.
-    alpha: keep the alpha plane of VP8/VP9.
+    Packets that do not decode are skipped, and a file that breaks off ends the iteration.
+
+    Args:
+        container, stream: as `open_video` gives them.
+        on_damage: is called for each packet that does not decode, and where the file breaks off.
+        alpha: whether to keep the alpha plane of VP8 and VP9.
     """
     context: av.VideoCodecContext = stream.codec_context
     if alpha and context.codec.name in _ALPHA_DECODERS:
@@ -102,7 +107,9 @@ def frame_rate(stream: VideoStream) -> Fraction:
 def stream_duration(container: InputContainer, stream: VideoStream, start: Fraction | None) -> Fraction | None:
     """Seconds that the picture lasts as the file's header has it, None where it does not say.
 
-    start: time of the first frame in seconds, None where it is not known.
+    Args:
+        container, stream: as `open_video` gives them.
+        start: time of the first frame in seconds, None where it is not known.
     """
     if "matroska" not in container.format.name:
         return stream.duration * stream.time_base if stream.duration and stream.time_base else None
@@ -124,7 +131,8 @@ def stream_duration(container: InputContainer, stream: VideoStream, start: Fract
 def picture_duration(path: Path) -> Fraction:
     """Seconds that the picture lasts, by its packets where the header does not say; meant for short files.
 
-    Raises InputError as open_video does.
+    Raises:
+        InputError: as `open_video`.
     """
     container, stream = open_video(path)
     with container:

@@ -1,9 +1,10 @@
-"""Live sources and outputs: frames as they come, late ones dropped; and a stream that goes to another program."""
+"""Live sources: frames as they come, late ones dropped."""
 
 import platform
 import re
 import time
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from fractions import Fraction
 from pathlib import Path
 from threading import Condition, Event, Thread
@@ -13,7 +14,6 @@ import av
 from av.container import InputContainer
 from av.video.stream import VideoStream
 
-from ..closing import Closing
 from ..errors import InputError
 from . import color
 from .decode import Clock, decode, frame_rate, open_video
@@ -22,20 +22,26 @@ from .reader import Frame
 TIMEOUT = 10.0  # seconds without an answer after which a network source counts as gone
 
 
-class Stream(Closing):
-    """A camera, a network stream, or a file played as one. A context manager.
+class Stream(AbstractContextManager["Stream"]):
+    """A camera, a network stream, or a file played as one. A context manager that closes it.
 
     A thread decodes and keeps the newest frame ready: what is not fetched before the next one comes is dropped, so that
     nothing queues up. A file is played at the pace of its times.
 
     Attributes:
+        name: the source.
         width, height: of the frames, upright, px.
-        rate: frames per second, as far as known. time_base: seconds per tick.
+        rate: frames per second, as far as known.
+        time_base: seconds per tick.
         dropped: frames that came too fast.
+        warnings: what was wrong with the source.
     """
 
     def __init__(self, source: str) -> None:
-        """Args: source: a camera's number or device (0, /dev/video0), a URL (rtsp://, http://), or a file.
+        """Opens a source and waits for its first frame.
+
+        Args:
+            source: a camera's number or device (0, /dev/video0), a URL (rtsp://, http://), or a file.
 
         Raises:
             InputError: it cannot be opened, or shows nothing.
@@ -60,10 +66,17 @@ class Stream(Closing):
         self._ready = Condition()
         self._newest: tuple[int, Fraction, av.VideoFrame] | None = None
         self._over = False
+        self._error: BaseException | None = None
         self._thread = Thread(target=self._read, name="stream", daemon=True)
 
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
     def frames(self, stop: Event) -> Iterator[Frame]:
-        """Frames as they come, until the source ends or `stop` is set; index counts dropped ones too."""
+        """Frames as they come, until the source ends or `stop` is set; their index counts dropped ones too.
+
+        What goes wrong in the thread that decodes is raised here.
+        """
         to_rgb = color.ToRGB()
         self._thread.start()
         while not stop.is_set():
@@ -72,11 +85,14 @@ class Stream(Closing):
                     self._ready.wait(0.1)  # so that a signal is seen to
                 newest, self._newest = self._newest, None
             if newest is None:
+                if self._error is not None:
+                    raise self._error
                 return
             index, at, frame = newest
             yield Frame(index, at, 1 / self.rate, to_rgb(frame, self._rotation, self._size))
 
     def close(self) -> None:
+        """Ends the thread and closes the source; calling again does nothing."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(TIMEOUT)
@@ -86,7 +102,17 @@ class Stream(Closing):
             self._container.close()
 
     def _read(self) -> None:
-        """In the thread: decodes, waits for a file's pace, and puts each frame where the last one was."""
+        """In the thread: shows all frames, and says when there are no more."""
+        try:
+            self._show()
+        except BaseException as error:
+            self._error = error
+        with self._ready:
+            self._over = True
+            self._ready.notify()
+
+    def _show(self) -> None:
+        """Decodes, waits for a file's pace, and puts each frame where the last one was."""
         clock = Clock(self.rate, self.time_base)
         begun, zero = time.monotonic(), None
         frame: av.VideoFrame | None = self._first
@@ -101,9 +127,6 @@ class Stream(Closing):
                 self._newest = index, at, frame
                 self._ready.notify()
             frame, index = next(self._frames, None), index + 1
-        with self._ready:
-            self._over = True
-            self._ready.notify()
 
     def _damaged(self) -> None:
         message = f"{self.name} is damaged or broke off: what can be decoded is used"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from threading import Lock
-from types import TracebackType
 from typing import Literal
 
 import av
@@ -94,7 +94,7 @@ class _Decoded:
     frame: av.VideoFrame
 
 
-class VideoReader:
+class VideoReader(AbstractContextManager["VideoReader"]):
     """Reads a video file frame by frame. A context manager.
 
     Every iteration opens the file anew, so several may run side by side. Frames are numbered as decoding from the
@@ -128,12 +128,7 @@ class VideoReader:
         self._lock, self._demuxing = Lock(), Lock()  # iterations may run in several threads
         self.info = self._probe()
 
-    def __enter__(self) -> VideoReader:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -150,9 +145,9 @@ class VideoReader:
 
     @property
     def times(self) -> list[Fraction]:
-        """Times of all frames in seconds; of those decoded so far where the reader is not `seekable`."""
+        """Times of all frames in seconds, not to be changed; of those decoded so far where it is not `seekable`."""
         self._demux()
-        return self._index.times[:]
+        return self._index.times
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         """Frames start to stop - 1 (to the end for None).

@@ -7,7 +7,7 @@ from typing import Any, BinaryIO, Self, cast
 import av
 from av.video.stream import VideoStream
 
-from hdn.imaging.arrays import Image
+from hdn.imaging.arrays import Picture
 
 from ..errors import RunError
 from . import color
@@ -17,7 +17,14 @@ class StreamWriter:
     """Writes H.264 in MPEG-TS to a pipe, each frame at once. A context manager; leaving it ends the stream."""
 
     def __init__(self, pipe: BinaryIO, width: int, height: int, rate: Fraction, time_base: Fraction) -> None:
-        """Odd sizes lose their last column or row, which 4:2:0 has no room for."""
+        """Begins the stream.
+
+        Args:
+            pipe: a binary file to write to; it is left open.
+            width, height: of the frames, px; odd sizes lose their last column or row, which 4:2:0 has no room for.
+            rate: average frames per second.
+            time_base: seconds per tick.
+        """
         self._width, self._height = width - width % 2, height - height % 2
         self._time_base = time_base
         self._from_rgb = color.FromRGB("yuv420p")
@@ -31,8 +38,16 @@ class StreamWriter:
         context.time_base = self._stream.time_base = time_base
         context.colorspace = context.color_primaries = context.color_trc = 1  # BT.709, as converted
 
-    def write(self, image: Image, time: Fraction) -> None:
-        """Appends a frame (H, W, 3); time: seconds. Raises RunError where nobody reads any more."""
+    def write(self, image: Picture, time: Fraction) -> None:
+        """Appends a frame.
+
+        Args:
+            image: (H, W, 3) RGB, uint8 or uint16.
+            time: seconds.
+
+        Raises:
+            RunError: nobody reads the pipe any more.
+        """
         self._start = time if self._start is None else self._start
         frame = self._from_rgb(image[: self._height, : self._width].copy() if self._odd(image) else image)
         frame.time_base, frame.pts = self._time_base, round((time - self._start) / self._time_base)
@@ -48,7 +63,7 @@ class StreamWriter:
             self._mux(None)
             self._container.close()
 
-    def _odd(self, image: Image) -> bool:
+    def _odd(self, image: Picture) -> bool:
         return image.shape[:2] != (self._height, self._width)
 
     def _mux(self, frame: av.VideoFrame | None) -> None:

@@ -129,7 +129,7 @@ def test_frames_from_any_on_are_those_of_decoding_from_the_start(tmp_path: Path,
 def test_good_files_are_indexed(tmp_path: Path, kind: str) -> None:
     reader = VideoReader(GOOD[kind](tmp_path))
     assert reader.seekable
-    times = reader.times
+    times = reader.times[:]
     frames = list(reader.frames())
     assert times == reader.times == [frame.time for frame in frames]
     assert reader.seekable
