@@ -9,29 +9,48 @@ import cv2
 import numpy as np
 
 from hdn.alignment.agreement import cell_means
-from hdn.imaging.arrays import Array, Grey, Image
+from hdn.imaging.arrays import Array, Floats, Grey, Image
 from hdn.imaging.blur import blurred, equalising_blurs, relative_blur
 from hdn.imaging.homography import derivative, from_corners, transform, translation
 from hdn.imaging.pyramid import Pyramid
-from hdn.imaging.quads import outline
+from hdn.imaging.quads import is_drawable, outline
 
-from ..compositing.raster import is_drawable
 from . import light as relighting
 from . import occlusion
-from .light import GRID, Floats, Light, grey
+from .light import GRID, Light, grey
 from .occlusion import Occluder, Outline
 
-LONGEST = 160  # px of the rectified surface's longer side, at most
-SATURATED = 250.0  # grey levels, from which a pixel does not tell how bright it is
-SEEN = 0.05  # share of the surface that must be in the frame to be compared
-ALIGNED = 2.0  # px of the crop: blur is measured where the surface is misaligned by less, since that looks like blur
-SOFT = 2.0  # px of the crop: light is told by what is larger, since blur takes contrast from the rest
-MATCHED = 0.8  # px^2 of the crop, blur that the template is matched by
-FAINT = 3.0  # px^2, blur that the ad does not take on, since it is not known well; twice as much it does in full
-LEAST_CELLS = 6  # of the surface's 64, that blur is measured by
-BETTER = 0.05, 0.15  # share of what the agreement lacks to 1 that matching blur must bring: for any of it, and for all
-UNKNOWN = 8.0  # px, of the corners' deviation where it is not known, and the most that is allowed for
-MARGIN = 4  # px of the frame around the surface that are looked at
+
+@dataclass(frozen=True)
+class ComparisonModel:
+    """The constants by which a rectified surface is compared with its template; all set by trial."""
+
+    longest_px: int = 160  # of the rectified surface's longer side, at most
+    margin_px: int = 4  # of the frame around the surface that are looked at
+    min_in_frame_share: float = 0.05  # of the surface that must be in the frame to be compared
+    saturated_grey: float = 250.0  # from which a pixel does not tell how bright it is
+    unknown_deviation_px: float = 8.0  # of the corners where it is not known, and the most that is allowed for
+    light_blur_px: float = 2.0  # of the crop: light is told by what is larger, since blur takes contrast from the rest
+
+
+@dataclass(frozen=True)
+class BlurModel:
+    """The constants by which blur is measured and believed; variances are of Gaussians, along their widest axis."""
+
+    max_slack_px: float = 2.0  # of the crop: beyond such misalignment, which looks like blur, none is measured
+    min_cells: int = 6  # of the surface's 64, that it is measured by
+    min_cell_in_frame: float = 0.9  # share of a cell that must lie in the frame
+    min_variance_px2: float = 0.8  # of the crop: less is taken for none
+    min_matched_px2: float = 0.2  # of the crop: with less the template is left as it is
+    # Trials of the measured covariance, which tends to be too much.
+    trials: tuple[float, ...] = (0.0, 0.25, 0.5, 1.0)
+    # Share of what the agreement lacks to 1 that matching blur must bring: for any of it, and for all.
+    gains: tuple[float, float] = (0.05, 0.15)
+    faint_px2: float = 3.0  # of the frame: so much the ad does not take on, twice as much it does in full
+
+
+MODEL = ComparisonModel()
+BLUR = BlurModel()
 
 
 @dataclass(frozen=True)
@@ -59,11 +78,11 @@ class Appearance:
         """
         sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
         size = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
-        size *= min(1.0, LONGEST / size.max())
+        size *= min(1.0, MODEL.longest_px / size.max())
         self._width, self._height = (np.maximum(np.round(size / GRID), 1) * GRID).astype(int).tolist()
         self._outline = outline(self._width, self._height)
         self._grid_to_crop = from_corners(outline(GRID, GRID), self._outline)
-        self._window = 2 * round(max(self._width, self._height) / 10) + 1  # px of the halved crop: a fifth of it
+        self._window = relighting.window_px(max(self._width, self._height))  # px of the halved crop
         self._quad, self._exposure = quad, relighting.exposure(reference)
         self._reference = _Box(reference, quad)
         self._template, _ = self._rectify(self._reference, quad)
@@ -99,17 +118,20 @@ class Appearance:
         if part.image.size == 0 or not is_drawable(pose):
             return self.last()
         view, inside = self._rectify(part, pose)
-        if inside.mean() < SEEN:
+        if inside.mean() < MODEL.min_in_frame_share:
             return self.last()
         if self._lost:
             self.forget()
         crop_to_frame = from_corners(self._outline, pose)
         scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
-        slack = min(deviation, UNKNOWN) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
-        blur = self._blur(view, inside) if slack < ALIGNED else np.zeros((2, 2))
+        slack = min(deviation, MODEL.unknown_deviation_px) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
+        blur = self._blur(view, inside) if slack < BLUR.max_slack_px else np.zeros((2, 2))
         template = _blurred(self._template, blur)
-        usable = cv2.inRange(cv2.max(view, template), (0, 0, 0), (SATURATED,) * 3).astype(np.float32) / 255 * inside
-        small_view, small_template, small_usable = (self._halved(x, max(slack, SOFT)) for x in (view, template, usable))
+        unsaturated = cv2.inRange(cv2.max(view, template), (0, 0, 0), (MODEL.saturated_grey,) * 3)
+        usable = unsaturated.astype(np.float32) / 255 * inside
+        small_view, small_template, small_usable = (
+            self._halved(x, max(slack, MODEL.light_blur_px)) for x in (view, template, usable)
+        )
         trust = relighting.trusted(*relighting.shows(grey(small_view), grey(small_template)), small_usable.shape)
         light = relighting.measure(small_view, small_template, trust * small_usable, self._light)
         self._light = relighting.follow(self._light, light, 1 / (1 + slack * slack))
@@ -142,21 +164,21 @@ class Appearance:
         """
         template, seen, usable = (self._halved(x) for x in (grey(self._template), grey(view), inside))
         correlation, textured = relighting.shows(seen, template)
-        telling = textured & (cell_means(usable) > 0.9)
-        if telling.sum() < LEAST_CELLS:
+        telling = textured & (cell_means(usable) > BLUR.min_cell_in_frame)
+        if telling.sum() < BLUR.min_cells:
             return np.zeros((2, 2))
         best = telling & (correlation >= np.median(correlation[telling]))
         where = cv2.resize(best.astype(np.float32), seen.shape[::-1], interpolation=cv2.INTER_NEAREST)
         blur = 4 * equalising_blurs(relative_blur(template, seen, where, self._window))[0]
-        if np.linalg.eigvalsh(blur).max() < MATCHED:
+        if np.linalg.eigvalsh(blur).max() < BLUR.min_variance_px2:
             return np.zeros((2, 2))
         # What was measured by halves is checked by the whole; it tends to be too much.
         template, seen = grey(self._template), grey(view)
-        trials = [part * blur for part in (0.0, 0.25, 0.5, 1.0)]
+        trials = [part * blur for part in BLUR.trials]
         lacking = [1 - relighting.shows(seen, _blurred(template, b))[0][best].mean() for b in trials]
         least = int(np.argmin(lacking))
         better = 1 - lacking[least] / max(lacking[0], 1e-3)
-        return trials[least] * float(np.interp(better, BETTER, [0, 1]))
+        return trials[least] * float(np.interp(better, BLUR.gains, [0, 1]))
 
     def _halved(self, image: Floats, slack: float = 0.0) -> Floats:
         """A crop at half the size, so soft that being misaligned by `slack` px of the crop makes little difference."""
@@ -199,8 +221,8 @@ class _Box:
 
     def __init__(self, frame: Image, quad: Array) -> None:
         bounds = np.array(frame.shape[1::-1])
-        low = np.clip(np.floor(quad.min(0)) - MARGIN, 0, bounds).astype(int)
-        high = np.clip(np.ceil(quad.max(0)) + MARGIN + 1, low, bounds).astype(int)
+        low = np.clip(np.floor(quad.min(0)) - MODEL.margin_px, 0, bounds).astype(int)
+        high = np.clip(np.ceil(quad.max(0)) + MODEL.margin_px + 1, low, bounds).astype(int)
         self.box = slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
         self.image = frame[self.box]
         self.whole = bool((quad >= 0).all() and (quad <= bounds - 1).all())
@@ -208,10 +230,10 @@ class _Box:
 
 
 def _blurred(image: Floats, covariance: Array) -> Floats:
-    return blurred(image, covariance) if np.linalg.eigvalsh(covariance).max() > MATCHED / 4 else image
+    return blurred(image, covariance) if np.linalg.eigvalsh(covariance).max() > BLUR.min_matched_px2 else image
 
 
 def _worth(covariance: Array) -> Array:
     """Blur (2, 2) without what is too faint to be told from none; it sets in smoothly, so that nothing toggles."""
     values, axes = np.linalg.eigh(covariance)
-    return (axes * (values * np.clip(values / FAINT - 1, 0, 1))) @ axes.T
+    return (axes * (values * np.clip(values / BLUR.faint_px2 - 1, 0, 1))) @ axes.T

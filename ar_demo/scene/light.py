@@ -8,35 +8,63 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from hdn.alignment.agreement import Cells, cell_means
-from hdn.imaging.arrays import Array, Grey, Image
+from hdn.imaging.arrays import Array, Floats, Grey, Image, Mask
 from hdn.imaging.homography import from_corners
 from hdn.imaging.photometry import normalise, tukey
 from hdn.imaging.pyramid import Pyramid
 from hdn.imaging.quads import outline
 
-Floats = NDArray[np.float32]
-
 GRID, COARSE = 16, 4  # light is known on a grid of GRID x GRID over the surface, by way of one of COARSE x COARSE
-ALLOWANCES = 2.0, 1.0, 1.0  # by which what does not fit is told from what does, one step after the other
-AGREES = 0.6  # correlation of a cell from which it is sure to show the surface
-TEXTURE = 2.0  # grey levels of mean contrast, from which a cell has texture to correlate
-UNSURE = 0.3  # trust in cells without texture
-SPREAD, NOISE = 0.15, 5.0  # what light differs by within a cell: as a share of the brightness, and in grey levels
-SAME, NONE = 0.06, 0.03  # how much speaks for the gain of the larger part around, and against a gloss
-SMOOTH = 8  # px, over which light does not change much
-FAINT = 0.002  # gloss that is left out
-LEAST, MOST = 0.01, 16.0  # gains that are believed
-MIRRORED = 0.8  # the most that a gloss mirrors, or that it mirrored in the reference frame and does no more
-STEADY, CHANGE = 0.3, 0.2  # share of a small change that is taken on in a frame; what is sure to be one, as a ratio
-WHITE = 235.0  # grey levels of white in a frame that is exposed as usual
-DIM = 120.0  # grey levels of what is brightest in a frame that is surely dark
-USUAL = 190.0  # from which it need not be
-BRIGHTEST = 0.995  # quantile of a frame's pixels that tells its white
-MEAN = np.full((1, 3), 1 / 3, np.float32)  # over the channels
-SMALL = 160  # px of a frame's longer side, at which its noise is averaged out
+MEAN = np.full((1, 3), 1 / 3, np.float32)  # matrix that averages the channels
+
+
+@dataclass(frozen=True)
+class LightModel:
+    """The constants by which light is measured; all set by trial on drawn and real clips.
+
+    Light is in shares of white's; a gain is a ratio of light, not of pixel values.
+    """
+
+    # Which pixels show the surface.
+    window_share: float = 0.2  # width of the window that correlation is normalised over, share of the longer side
+    min_contrast_grey: float = 2.0  # mean contrast from which a cell has texture to correlate
+    sure_correlation: float = 0.6  # of a cell that is sure to show the surface; half of it counts for nothing
+    untextured_trust: float = 0.3  # 0..1, in cells without texture
+    # The fit of gain and gloss, repeated on what fits.
+    allowances: tuple[float, ...] = (2.0, 1.0, 1.0)  # of each repetition, the largest error, in expected ones
+    expected_error_share: float = 0.15  # of the brightness, since light differs within a cell ...
+    expected_error_grey: float = 5.0  # ... plus grey levels of noise
+    gain_prior: float = 0.06  # how much speaks for the gain of the larger part around, share of a cell's mean light^2
+    gloss_prior: float = 0.03  # how much speaks against a gloss that differs from the part around, share of a cell
+    cell_blur: float = 0.8  # cells, standard deviation by which neighbours share what they tell
+    gain_range: tuple[float, float] = (0.01, 16.0)  # that is believed
+    max_gloss: float = 0.8  # that is mirrored, or that was in the reference frame and is no more
+    colour_prior: float = 0.02  # how much speaks for the light's colour so far, share of the mean light
+    colour_range: tuple[float, float] = (0.3, 3.0)  # of a channel's gain over the mean's
+    # From frame to frame.
+    steady_share: float = 0.3  # share of a small change that is taken on in a frame
+    clear_change: float = 0.2  # change of the log gain that adds another whole share
+    gloss_weight: float = 2.0  # a change of gloss counts so much more than one of the log gain
+    # Drawing.
+    smooth_px: int = 8  # over which light does not change much
+    min_gloss: float = 0.002  # less is not drawn
+
+
+@dataclass(frozen=True)
+class ExposureModel:
+    """How the grey level of white is told from a frame's brightest pixels."""
+
+    side_px: int = 160  # of the frame's longer side, at which noise is averaged out
+    brightest_quantile: float = 0.995  # of the pixels, by their largest channel
+    white_grey: float = 235.0  # of white in a frame that is exposed as usual
+    dark_grey: float = 120.0  # of the brightest pixels in a frame that is surely dark ...
+    usual_grey: float = 190.0  # ... and from which a frame may be exposed as usual
+
+
+MODEL = LightModel()
+EXPOSURE = ExposureModel()
 
 
 @dataclass(frozen=True)
@@ -53,7 +81,10 @@ class Light:
 
     def over(self, grid_to_picture: Array, size: tuple[int, int]) -> "Light":
         """The light on each pixel of a picture (width, height) that a homography (3, 3) maps the grid to."""
-        coarse = max(2, size[0] // SMOOTH), max(2, size[1] // SMOOTH)  # it is smooth, and resizing is fast
+        coarse = (
+            max(2, size[0] // MODEL.smooth_px),
+            max(2, size[1] // MODEL.smooth_px),
+        )  # it is smooth, and resizing is fast
         matrix = from_corners(outline(*size), outline(*coarse)) @ grid_to_picture
         gain, gloss = (
             cv2.warpPerspective(x, matrix, coarse, borderMode=cv2.BORDER_REPLICATE) for x in (self.gain, self.gloss)
@@ -67,7 +98,7 @@ class Light:
 
     def on(self, picture: Image | Floats) -> Floats:
         """A picture, grey levels, of as many pixels as the light, in this light; it may be brighter than white."""
-        if np.abs(self.gloss).max() < FAINT:
+        if np.abs(self.gloss).max() < MODEL.min_gloss:
             return np.asarray(cv2.multiply(picture, cv2.sqrt(self.gain), dtype=cv2.CV_32F), np.float32)
         light = cv2.multiply(picture, picture, dtype=cv2.CV_32F)
         cv2.multiply(light, self.gain, dst=light)
@@ -94,9 +125,10 @@ def exposure(frame: Image) -> float:
     Nothing printed is brighter than paper, and most scenes show something as bright as that: a wall, a shirt, the sky.
     So what is brightest in a dark frame is about as bright as an ad's white would be there.
     """
-    small, _ = Pyramid(frame).at_most(SMALL)
-    brightest = np.quantile(small.max(2), BRIGHTEST)
-    return float(np.interp(brightest, [0, DIM, USUAL], [0, DIM / WHITE, 1])) ** 2
+    small, _ = Pyramid(frame).at_most(EXPOSURE.side_px)
+    brightest = np.quantile(small.max(2), EXPOSURE.brightest_quantile)
+    dark, usual = EXPOSURE.dark_grey, EXPOSURE.usual_grey
+    return float(np.interp(brightest, [0, dark, usual], [0, dark / EXPOSURE.white_grey, 1])) ** 2
 
 
 def measure(view: Floats, template: Floats, trust: Grey, last: Light | None) -> Light:
@@ -112,12 +144,13 @@ def measure(view: Floats, template: Floats, trust: Grey, last: Light | None) -> 
     light = as_it_was() if last is None else last
     seen, own = (cv2.multiply(x, x, scale=1 / 255**2) for x in (view, template))
     change = _change(view, light.resized(*template.shape[1::-1]).on(template), trust)
-    light = Light(np.clip(light.gain * change, LEAST, MOST), light.gloss)
-    for allowance in ALLOWANCES:
+    light = Light(np.clip(light.gain * change, *MODEL.gain_range), light.gloss)
+    for allowance in MODEL.allowances:
         expected = light.resized(*template.shape[1::-1]).on(template)
         error = cv2.absdiff(view, expected)
         worst = cv2.max(cv2.max(error[..., 0], error[..., 1]), error[..., 2])
-        weights = trust * tukey(worst / (allowance * (SPREAD * grey(expected) + NOISE)))
+        usual = MODEL.expected_error_share * grey(expected) + MODEL.expected_error_grey
+        weights = trust * tukey(worst / (allowance * usual))
         light = _fit(seen, own, weights, light)
     return light
 
@@ -130,8 +163,8 @@ def follow(last: Light | None, new: Light, certainty: float) -> Light:
     """
     if last is None:
         return new
-    change = np.abs(np.log(new.gain / last.gain)).mean(2) + 2 * np.abs(new.gloss - last.gloss)
-    share = (np.clip(STEADY + change / CHANGE, 0, 1) * certainty).astype(np.float32)
+    change = np.abs(np.log(new.gain / last.gain)).mean(2) + MODEL.gloss_weight * np.abs(new.gloss - last.gloss)
+    share = (np.clip(MODEL.steady_share + change / MODEL.clear_change, 0, 1) * certainty).astype(np.float32)
     return Light(last.gain + share[..., None] * (new.gain - last.gain), last.gloss + share * (new.gloss - last.gloss))
 
 
@@ -139,19 +172,26 @@ def grey(image: Floats) -> Grey:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.float32)
 
 
-def shows(view: Grey, template: Grey) -> tuple[Grey, NDArray[np.bool_]]:
+def window_px(side: int) -> int:
+    """Width of the window that a crop with this longer side is normalised over, px, odd."""
+    return 2 * round(side * MODEL.window_share / 2) + 1
+
+
+def shows(view: Grey, template: Grey) -> tuple[Grey, Mask]:
     """How well each cell (8, 8) of a view agrees with the template, as correlation, and which have texture to tell."""
-    window = 2 * round(max(view.shape) / 10) + 1
-    textured = cell_means(cv2.absdiff(template, cv2.blur(template, (window, window)))) > TEXTURE
+    window = window_px(max(view.shape))
+    textured = cell_means(cv2.absdiff(template, cv2.blur(template, (window, window)))) > MODEL.min_contrast_grey
     return Cells(normalise(template, window)[0]).correlation(normalise(view, window)[0]), textured
 
 
-def trusted(correlation: Grey, textured: NDArray[np.bool_], shape: tuple[int, ...]) -> Grey:
+def trusted(correlation: Grey, textured: Mask, shape: tuple[int, ...]) -> Grey:
     """How far each pixel of a crop (h, w) can be trusted to show the surface, 0..1.
 
     Parts that show the template's texture are trusted whatever their brightness; flat ones as far as they fit in.
     """
-    cells = np.where(textured, np.clip(2 * correlation / AGREES - 1, 0, 1), UNSURE).astype(np.float32)
+    cells = np.where(
+        textured, np.clip(2 * correlation / MODEL.sure_correlation - 1, 0, 1), MODEL.untextured_trust
+    ).astype(np.float32)
     return np.asarray(cv2.resize(cells, shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
@@ -179,21 +219,23 @@ def _fit(seen: Floats, own: Floats, weights: Grey, before: Light) -> Light:
     square = float(np.square(own).mean()) + 1e-6
     gain, gloss = np.full((1, 1), before.gain.mean(), np.float32), np.zeros((1, 1), np.float32)
     for n in (1, COARSE, GRID):
-        w_, x_, y_, xx_, xy_ = (cv2.GaussianBlur(_cells(term, n), (3, 3), 0.8) for term in (w, x, y, xx, xy))
+        w_, x_, y_, xx_, xy_ = (
+            cv2.GaussianBlur(_cells(term, n), (3, 3), MODEL.cell_blur) for term in (w, x, y, xx, xy)
+        )
         above = cv2.resize(gain, (n, n)), cv2.resize(gloss, (n, n))
-        p, q = xx_ + SAME * square, w_ + NONE
-        r, s = xy_ + SAME * square * above[0], y_ + NONE * above[1]
+        p, q = xx_ + MODEL.gain_prior * square, w_ + MODEL.gloss_prior
+        r, s = xy_ + MODEL.gain_prior * square * above[0], y_ + MODEL.gloss_prior * above[1]
         determinant = p * q - x_ * x_
         gain, gloss = (r * q - s * x_) / determinant, (p * s - x_ * r) / determinant
-        gain, gloss = np.clip(gain, LEAST, MOST), np.clip(gloss, -MIRRORED, MIRRORED)
+        gain, gloss = np.clip(gain, *MODEL.gain_range), np.clip(gloss, -MODEL.max_gloss, MODEL.max_gloss)
     # The light's colour: of what is seen without the gloss, against what would be in white light.
     three = cv2.merge([weights] * 3)
     size = seen.shape[1::-1]
     plain = cv2.multiply(seen - cv2.resize(gloss, size)[..., None], three).mean((0, 1))
     white = cv2.multiply(own * cv2.resize(gain, size)[..., None], three).mean((0, 1))
-    usual = 0.02 * float(own.mean()) + 1e-4
-    colour = np.clip((plain + usual * colour) / (white + usual), 0.3, 3)
-    return Light(np.clip(gain[..., None] * colour, LEAST, MOST).astype(np.float32), gloss.astype(np.float32))
+    prior = MODEL.colour_prior * float(own.mean()) + 1e-4
+    colour = np.clip((plain + prior * colour) / (white + prior), *MODEL.colour_range)
+    return Light(np.clip(gain[..., None] * colour, *MODEL.gain_range).astype(np.float32), gloss.astype(np.float32))
 
 
 def _cells(image: Floats, n: int) -> Floats:
