@@ -165,7 +165,7 @@ class Compact:
         return parts
 
 
-def reference(footage: Footage) -> Callable[[int], dict[str, float]]:
+def authors(footage: Footage) -> Callable[[int], dict[str, float]]:
     """The paper's configuration as the authors run it."""
     tracker = AuthorsTracker(unmoved())
     tracker.init(footage.frames[0], footage.quad)
@@ -248,7 +248,7 @@ def benchmark(rounds: int, threads: int, weights_path: Path | None = None) -> di
     # Each engine loads its own networks, for PyTorch moves them to its device.
     compacts = [Compact(Clocked(load(path), *engine), footage) for engine in engines]
     subjects = [Subject(f"compact, {_title(c.engine)}", c.measure) for c in compacts]
-    subjects.append(Subject("paper, reference mode, PyTorch on the CPU", reference(footage), burst=1))
+    subjects.append(Subject("paper, as its authors run it, PyTorch on the CPU", authors(footage), burst=1))
     for number in tqdm(range(rounds), unit=" rounds", disable=not sys.stderr.isatty()):
         for subject in subjects:
             subject.run(number * 5)
@@ -261,7 +261,7 @@ def benchmark(rounds: int, threads: int, weights_path: Path | None = None) -> di
         "rounds": rounds,
         "ms": times,
         "ratios": {
-            "paper in the reference mode : compact through OpenVINO": paper / fast,
+            "paper as its authors run it : compact through OpenVINO": paper / fast,
             f"the authors' {AUTHORS_MS} ms : compact through OpenVINO": AUTHORS_MS / fast,
             "compact through PyTorch : through OpenVINO": slow / fast,
         },
@@ -339,7 +339,7 @@ def _parser() -> Parser:
     parser = Parser(
         "hdn-bench",
         "Time HDN on this machine: the compact configuration stage by stage, through OpenVINO and PyTorch, and the "
-        "paper's in the reference mode, on frames of 1280x720 drawn here.",
+        "paper's as its authors run it, on frames of 1280x720 drawn here.",
         "Exit status: 0 done, 1 failed while working, 2 wrong input.",
     )
     parser.add_argument("--threads", type=_natural, metavar="N", help="processors to use (default: all)")

@@ -15,7 +15,7 @@ STAGES = [
     (6, 24, 2, 3, 2),
     (6, 40, 2, 5, 2),
 ]
-CHANNELS = (24, 40)  # what the backbone returns: stages 2 (stride 4) and 3 (stride 8)
+OUTPUT_CHANNELS = (24, 40)  # what the backbone returns: stages 2 (stride 4) and 3 (stride 8)
 
 
 def _conv(inputs: int, outputs: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Conv2d:

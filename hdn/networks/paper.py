@@ -4,6 +4,7 @@ They answer to the same calls as the compact ones in `similarity` and `residual`
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -88,11 +89,16 @@ class LevelBranch(nn.Module):
             yield x, loc
 
 
-SEEN = 0.97  # of the features' distance before the warp: nearer than that afterwards shows the target
+@dataclass(frozen=True)
+class ResidualModel:
+    """Constants of the paper's residual network. The first two are its training's, of red, green and blue."""
 
-# Of the channels as they are in memory here: red, green, blue.
-MEAN = (102.60, 113.97, 118.93)
-DEVIATION = (72.45, 68.81, 69.85)
+    channel_mean: tuple[float, ...] = (102.60, 113.97, 118.93)  # grey levels
+    channel_deviation: tuple[float, ...] = (72.45, 68.81, 69.85)  # grey levels
+    seen_distance: float = 0.97  # of the features' distance before the warp: nearer than that after it, it is seen
+
+
+MODEL = ResidualModel()
 
 
 class PaperResidual(nn.Module):
@@ -113,7 +119,7 @@ class PaperResidual(nn.Module):
 
     def prepare(self, crops: Tensor) -> Tensor:
         """RGB (B, 3, n, n), 0..255, to grey (B, 1, n, n): the mean of the normalised channels."""
-        mean, deviation = (crops.new_tensor(v)[:, None, None] for v in (MEAN, DEVIATION))
+        mean, deviation = (crops.new_tensor(v)[:, None, None] for v in (MODEL.channel_mean, MODEL.channel_deviation))
         return ((crops - mean) / deviation).mean(1, keepdim=True)
 
     def forward(self, template: Tensor, search: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -143,7 +149,7 @@ class PaperResidual(nn.Module):
         places = project(torch.linalg.inv(matrix), pixels).reshape(-1, n, n, 2)
         warped = F.grid_sample(template, places * (2 / (n - 1)) - 1, padding_mode="border", align_corners=True)
         before, after = ((search - t).abs().mean((1, 2, 3)) for t in (template, warped))
-        return project(matrix, corners) - corners, (after < SEEN * before).float()[:, None, None]
+        return project(matrix, corners) - corners, (after < MODEL.seen_distance * before).float()[:, None, None]
 
     def homography(self, offsets: Tensor) -> Tensor:
         """Offsets (B, 4, 2) to homographies (B, 3, 3), pixels of the template crop to those of the search crop."""

@@ -17,11 +17,20 @@ from torch import Tensor, nn
 
 from .config import Config
 
-STRIDE = 4  # of the descriptors
-CELL = 8  # px between the points that are looked up
-REACH = 28.0  # px that a point is looked for to each side
-CHANNELS = 32
-RIDGE = 0.25  # of the eight parameters, against a few hundred points of weight 1
+DESCRIPTOR_STRIDE = 4  # px
+POINT_STEP = 8  # px between the points that are looked up
+CHANNELS = 32  # of the descriptors
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Constants of how the compact network matches, which the shipped weights were trained with."""
+
+    reach: float = 28.0  # px that a point is looked for to each side
+    ridge: float = 0.25  # on each of the homography's eight parameters, against a few hundred points of weight 1
+
+
+MATCHING = Matching()
 
 
 def _conv(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
@@ -96,15 +105,16 @@ class ResidualNetwork(nn.Module):
 
     def conclude(self, normal: Tensor, right: Tensor, visible: Tensor) -> tuple[Tensor, Tensor]:
         """Offsets (B, 4, 2) px of the corners, and the probability (B, m, m) that each part of the target is seen."""
-        m = self.size // CELL
+        m = self.size // POINT_STEP
         return self.solve(normal, right), visible.sigmoid().reshape(-1, m, m)
 
     def match(self, template: Tensor, search: Tensor) -> Matches:
         """Descriptors of both crops, each (B, C, n / 4, n / 4), to matches."""
-        m = self.size // CELL
+        m = self.size // POINT_STEP
         source, cells, near = geometry(self.size, template.device)
         # The mask is added by the same operation that correlates: these maps are the largest there are.
-        points = template[:, :, :: CELL // STRIDE, :: CELL // STRIDE].flatten(2).transpose(1, 2)
+        step = POINT_STEP // DESCRIPTOR_STRIDE
+        points = template[:, :, ::step, ::step].flatten(2).transpose(1, 2)
         score = torch.baddbmm(near, points * self.sharpness.exp(), search.flatten(2))
         probability = score.softmax(2)
         moments = probability @ torch.cat([cells, cells.square().sum(1, keepdim=True) / 64], 1)
@@ -150,7 +160,7 @@ class ResidualNetwork(nn.Module):
         )  # (B, 2 m * m, 8)
         right = torch.cat((displacement / half).unbind(2), 1)
         weighted = rows * torch.cat([weight, weight], 1)[..., None]
-        normal = weighted.transpose(1, 2) @ rows + RIDGE * torch.eye(8).to(rows)
+        normal = weighted.transpose(1, 2) @ rows + MATCHING.ridge * torch.eye(8).to(rows)
         return normal, (weighted.transpose(1, 2) @ right[..., None])[..., 0]
 
     def solve(self, normal: Tensor, right: Tensor) -> Tensor:
@@ -167,12 +177,12 @@ class ResidualNetwork(nn.Module):
 @torch.inference_mode(False)  # what is kept may be used in training next
 def geometry(size: int, device: torch.device) -> tuple[Tensor, Tensor, Tensor]:
     """Points looked up (m * m, 2) and cells looked in (n * n, 2), px from the crop's centre; -1e4 where too far off."""
-    r = torch.arange(0, size, STRIDE, dtype=torch.float32, device=device) - (size - 1) / 2
+    r = torch.arange(0, size, DESCRIPTOR_STRIDE, dtype=torch.float32, device=device) - (size - 1) / 2
     y, x = torch.meshgrid(r, r, indexing="ij")
     cells = torch.stack([x, y], -1)
-    step = CELL // STRIDE
+    step = POINT_STEP // DESCRIPTOR_STRIDE
     source = cells[::step, ::step].reshape(-1, 2)
     cells = cells.reshape(-1, 2)
-    near = (cells[None] - source[:, None]).abs().amax(-1) <= REACH
+    near = (cells[None] - source[:, None]).abs().amax(-1) <= MATCHING.reach
     near = torch.where(near, 0.0, -1e4)
     return source, cells, near

@@ -4,25 +4,34 @@ Paper: "Similarity Component", eqs. 4 and 5. Each branch has one correlation of 
 one head for both the score map and the offset map.
 """
 
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
 import torch
 import torch.nn.functional as F
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from .backbone import CHANNELS, Backbone
+from ..imaging.arrays import Floats
+from .backbone import OUTPUT_CHANNELS, Backbone
 from .config import Config
 from .correlation import adapt, correlate, pad_polar
 from .paper import LevelBranch
 from .resnet import ResNet50
 
-# Poses that the translation branch looks for the target in, each time all of them: what the paper's ranges span.
-ROTATIONS = (-0.6, -0.3, 0.0, 0.3, 0.6)  # rad
-SCALES = (0.8, 1.0, 1.25)
 GROUPS = 8  # of channels, whose cosines are summed up apart
+
+
+@dataclass(frozen=True)
+class PoseBank:
+    """Poses in which the translation branch looks for the target, each time all: they span the paper's ranges."""
+
+    rotations: tuple[float, ...] = (-0.6, -0.3, 0.0, 0.3, 0.6)  # rad
+    scales: tuple[float, ...] = (0.8, 1.0, 1.25)  # ratio to the template's size
+
+
+POSES = PoseBank()
 
 
 class Neck(nn.Module):
@@ -30,8 +39,8 @@ class Neck(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.fine = nn.Conv2d(CHANNELS[0], channels, 3, 2, 1, bias=False)  # stage 2 has stride 4
-        self.coarse = nn.Conv2d(CHANNELS[1], channels, 1, bias=False)
+        self.fine = nn.Conv2d(OUTPUT_CHANNELS[0], channels, 3, 2, 1, bias=False)  # stage 2 has stride 4
+        self.coarse = nn.Conv2d(OUTPUT_CHANNELS[1], channels, 1, bias=False)
         self.norm = nn.BatchNorm2d(channels)
 
     def forward(self, maps: tuple[Tensor, ...]) -> Tensor:
@@ -139,7 +148,7 @@ class SimilarityNetwork(nn.Module):
         return self.polar.encode_search(maps)
 
 
-def pose_grid(config: Config) -> NDArray[np.float32]:
+def pose_grid(config: Config) -> Floats:
     """Where each pose's kernel takes its cells from: (poses, n, n, 2), -1..1 of the template's map.
 
     A target turned by R and grown by s about its centre shows at p what the template has at R^-1 p / s.
@@ -148,7 +157,7 @@ def pose_grid(config: Config) -> NDArray[np.float32]:
     centre = (config.template_size - 1) / 2 / config.stride  # cell i is on pixel i * stride
     r = np.arange(n) + (cells - n) / 2 - centre
     x, y = np.meshgrid(r, r)
-    rotation, scale = np.array([*product(ROTATIONS, SCALES)]).T[:, :, None, None]
+    rotation, scale = np.array([*product(POSES.rotations, POSES.scales)]).T[:, :, None, None]
     c, s = np.cos(rotation) / scale, np.sin(rotation) / scale
     places = np.stack([c * x + s * y, c * y - s * x], -1) + centre
     return np.asarray((places + 0.5) * (2 / cells) - 1, np.float32)

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from ..networks.geometry import dlt, project
 from .covers import cut_by_border, inside, occlude
-from .looks import USUAL, Look
+from .looks import DEFAULT_LOOK, Look
 from .photos import Photos, pixel_grid, random_photos
 from .views import Motion, placed, random_motion, random_view, rectified, textured, uniform
 
@@ -25,7 +25,7 @@ class SimilarityBatch:
 def similarity_batch(
     photos: Photos, batch: int, template_size: int, search_size: int, context: float, negatives: float = 0.2,
     occluded: float = 0.3,
-    gentle: float = 0.5, look: Look = USUAL,
+    gentle: float = 0.5, look: Look = DEFAULT_LOOK,
 ) -> SimilarityBatch:  # fmt: skip
     """Template and search crops for both branches of the similarity component."""
     device = photos.device
@@ -85,7 +85,7 @@ class ResidualBatch:
 
 def residual_batch(
     photos: Photos, batch: int, size: int, reach: float, negatives: float = 0.2, occluded: float = 0.3,
-    gentle: float = 0.5, look: Look = USUAL,
+    gentle: float = 0.5, look: Look = DEFAULT_LOOK,
 ) -> ResidualBatch:  # fmt: skip
     """Rectified template and search crops for the residual component, corners off by up to `reach` px."""
     device = photos.device

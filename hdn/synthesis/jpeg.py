@@ -8,7 +8,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 # The standard's example table for luminance (ITU-T T.81, table K.1): steps of an 8 x 8 block's frequencies.
-STEPS = [
+QUANTISATION = [
     [16, 11, 10, 16, 24, 40, 51, 61],
     [12, 12, 14, 19, 26, 58, 60, 55],
     [14, 13, 16, 24, 40, 57, 69, 56],
@@ -39,7 +39,7 @@ def compress(crops: Tensor, quality: Tensor, phase: tuple[int, int] = (0, 0)) ->
     """
     b, _, h, w = crops.shape
     colour = torch.tensor(COLOUR, device=crops.device)
-    basis, steps = _cosines(crops.device), torch.tensor(STEPS, device=crops.device)
+    basis, steps = _cosines(crops.device), torch.tensor(QUANTISATION, device=crops.device)
     scale = torch.where(quality < 50, 50 / quality, 2 - quality / 50)
     steps = (steps * scale[:, None, None]).round().clamp_min(1)[:, None, None, None]  # (B, 1, 1, 1, 8, 8)
 

@@ -96,4 +96,4 @@ class Look:
         return code(crops, self.compressed)
 
 
-USUAL = Look()
+DEFAULT_LOOK = Look()

@@ -34,13 +34,27 @@ class Motion:
     matrix: Tensor  # (B, 3, 3) template to search, both relative to the crop's centre
 
 
+@dataclass(frozen=True)
+class MotionRanges:
+    """The paper's ranges of a target's motion from one view to the other, to both sides of none."""
+
+    shift: float = 32.0  # px of the crop
+    scale: float = 1.38  # ratio
+    rotation: float = 0.7  # rad
+    residual: tuple[float, ...] = (0.1, 0.015, 0.0015, 0.0015)  # k1, k2, v1, v2 of `decomposition`
+    gentle: float = 0.25  # share of these ranges that gentle motions stay within
+
+
+MOTION = MotionRanges()
+
+
 def random_motion(batch: int, device: torch.device, gentle: float = 0.5) -> Motion:
-    """Motions over the paper's ranges; a share `gentle` is drawn from a quarter of them, as most frames move little."""
-    reach = torch.where(torch.rand(batch, device=device) < gentle, 0.25, 1.0)
-    shift = uniform((batch, 2), -32, 32, device) * reach[:, None]
-    log_scale = uniform(batch, -1, 1, device) * float(np.log(1.38)) * reach
-    rotation = uniform(batch, -0.7, 0.7, device) * reach
-    spread = torch.tensor([0.1, 0.015, 0.0015, 0.0015], device=device)
+    """Motions over the paper's ranges; a share `gentle` is drawn from a part of them, as most frames move little."""
+    reach = torch.where(torch.rand(batch, device=device) < gentle, MOTION.gentle, 1.0)
+    shift = uniform((batch, 2), -MOTION.shift, MOTION.shift, device) * reach[:, None]
+    log_scale = uniform(batch, -1, 1, device) * float(np.log(MOTION.scale)) * reach
+    rotation = uniform(batch, -MOTION.rotation, MOTION.rotation, device) * reach
+    spread = torch.tensor(MOTION.residual, device=device)
     residual = uniform((batch, 4), -1, 1, device) * spread * reach[:, None]
     residual[:, 0] += 1
     return Motion(shift, log_scale, rotation, decomposition(log_scale.exp(), rotation, shift, residual))

@@ -11,12 +11,12 @@ from ..networks.config import Config
 from .curves import Row
 from .loop import Data, train
 from .packing import pack
-from .recipes import ALL, recipe_of
+from .recipes import ALL_NEGATIVES, recipe_of
 
 # Fields of the recipe that differ from the full one.
 TRANSLATION: dict[str, dict[str, Any]] = {
     "full": {},
-    "no-hard-negatives": {"hard_negatives": ALL},
+    "no-hard-negatives": {"hard_negatives": ALL_NEGATIVES},
     "upright-labels": {"rotated_labels": False},
 }
 POLAR: dict[str, dict[str, Any]] = {"full": {}}  # it has neither hard negatives nor labels that turn

@@ -18,12 +18,12 @@ from torch import Tensor
 from ..errors import InputError
 from ..synthesis import SIDE, Photos, read_photo, squared
 
-HELD_OUT = ("kodak", "clic2025", "urban100", "val2017", "val2014")  # folders that training never sees
+HELD_OUT_SOURCES = ("kodak", "clic2025", "urban100", "val2017", "val2014")  # folders that training never sees
 IMAGES = {".webp", ".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".ppm"}
 VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"}
-IN_MEMORY = 8_000  # images; 2.2 GB
+IMAGES_IN_MEMORY = 8_000  # 2.2 GB
 FRAMES_IN_MEMORY = 4_000  # of all clips together; 1.1 GB
-FRAMES_OF_A_CLIP = 30  # at least, where it has them
+MIN_FRAMES_OF_A_CLIP = 30  # at least, where it has them
 
 Clip = Path | list[Path]  # a video file, or the images of its frames
 
@@ -46,7 +46,7 @@ def walk(folders: Sequence[Path], option: str) -> Iterator[tuple[Path, list[str]
 
 def held_out(path: Path) -> bool:
     """Whether a path belongs to a source that is kept for validation."""
-    return any(part in HELD_OUT for part in path.parts)
+    return any(part in HELD_OUT_SOURCES for part in path.parts)
 
 
 def find_images(folders: Sequence[Path]) -> list[Path]:
@@ -70,14 +70,16 @@ def split(paths: Sequence[Path]) -> tuple[list[Path], list[Path], str]:
         InputError: one of both would be empty.
     """
     kept = [p for p in paths if held_out(p)]
-    rule = f"held out: {', '.join(sorted({part for p in kept for part in p.parts if part in HELD_OUT}))}"
+    rule = f"held out: {', '.join(sorted({part for p in kept for part in p.parts if part in HELD_OUT_SOURCES}))}"
     if not kept:
         kept = sorted(paths, key=lambda p: zlib.crc32(p.name.encode()))[: max(1, len(paths) // 50)]
         rule = "held out: every fiftieth, by its name's checksum"
     chosen = set(kept)
     trained = [p for p in paths if p not in chosen]
     if not trained:
-        raise InputError(f"all {len(paths)} images are of held-out sources ({', '.join(HELD_OUT)}): name more --images")
+        raise InputError(
+            f"all {len(paths)} images are of held-out sources ({', '.join(HELD_OUT_SOURCES)}): name more --images"
+        )
     return trained, kept, rule
 
 
@@ -87,7 +89,7 @@ class Pool(Photos):
     What comes next is read by threads meanwhile. Which images are in memory when depends on the seed alone.
     """
 
-    def __init__(self, paths: Sequence[Path], device: torch.device, seed: int, limit: int = IN_MEMORY) -> None:
+    def __init__(self, paths: Sequence[Path], device: torch.device, seed: int, limit: int = IMAGES_IN_MEMORY) -> None:
         self.paths = random.Random(seed).sample(paths, len(paths)) if len(paths) > limit else list(paths)
         first = Photos.read(self.paths[:limit], device)
         super().__init__(first.pixels, device)
@@ -138,7 +140,7 @@ class Clips(Photos):
 
     def __init__(self, clips: Sequence[Clip], device: torch.device, seed: int, limit: int = FRAMES_IN_MEMORY) -> None:
         chance = random.Random(seed)
-        stretch = max(limit // len(clips), FRAMES_OF_A_CLIP)
+        stretch = max(limit // len(clips), MIN_FRAMES_OF_A_CLIP)
         chosen = chance.sample(list(clips), min(len(clips), max(1, limit // stretch)))
         pixels: list[Tensor] = []
         first, last = [], []  # of the clip that each frame belongs to

@@ -17,7 +17,10 @@ from ..networks.similarity import SimilarityNetwork
 FAILURES = (
     RuntimeError, ValueError, KeyError, OSError, EOFError, AttributeError, pickle.UnpicklingError, SafetensorError,
 )  # fmt: skip
-MEAN, DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of RGB in 0..1, as ImageNet's networks want it
+IMAGENET_MEAN, IMAGENET_DEVIATION = (
+    (0.485, 0.456, 0.406),
+    (0.229, 0.224, 0.225),
+)  # of RGB in 0..1, as ImageNet's networks want it
 
 
 def load_backbone(network: SimilarityNetwork, path: Path) -> None:
@@ -80,8 +83,8 @@ def adapted(theirs: dict[str, Tensor]) -> dict[str, Tensor]:
     for stage in (2, 3, 4):
         name = f"layer{stage}.0.downsample.0.weight"
         ours[name] = pad(theirs[name], (1, 1, 1, 1))
-    kernel = theirs["conv1.weight"] / torch.tensor(DEVIATION)[:, None, None]  # (64, 3, 7, 7)
-    lost = (kernel * torch.tensor(MEAN)[:, None, None]).sum((1, 2, 3))
+    kernel = theirs["conv1.weight"] / torch.tensor(IMAGENET_DEVIATION)[:, None, None]  # (64, 3, 7, 7)
+    lost = (kernel * torch.tensor(IMAGENET_MEAN)[:, None, None]).sum((1, 2, 3))
     ours["conv1.weight"] = kernel.flip(1) / 255
     ours["bn1.running_mean"] = theirs["bn1.running_mean"] + lost
     return ours

@@ -25,8 +25,11 @@ from .replay import Replay
 from .validation import Figures, validate
 
 COMPONENTS = ("translation", "polar", "residual")
-REPORT, SAVE = 50, 500  # steps between lines of progress, and between checkpoints with validations
-HELD_OUT_IN_MEMORY = 1_000
+STEPS_PER_REPORT = 50  # a line of progress
+STEPS_PER_CHECKPOINT = 500  # with a validation
+HELD_OUT_IN_MEMORY = 1_000  # images; 0.3 GB
+
+GRADIENT_NORM = 5.0  # to which a step's gradients are cut
 
 log = logging.getLogger(__name__)
 
@@ -184,14 +187,14 @@ def train(
         optimizer.zero_grad(set_to_none=True)
         loss.backward()
         try:
-            nn.utils.clip_grad_norm_(parameters, 5.0, error_if_nonfinite=True)
+            nn.utils.clip_grad_norm_(parameters, GRADIENT_NORM, error_if_nonfinite=True)
         except RuntimeError as error:
             raise RunError(f"the loss is no number any more at step {step}: go on from the last checkpoint") from error
         optimizer.step()
         for name, value in {"loss": loss, **parts}.items():
             sums[name] = sums.get(name, torch.zeros_like(value)) + value.detach()
         last = step == steps
-        if step % REPORT == 0 or last:
+        if step % STEPS_PER_REPORT == 0 or last:
             means = {name: float(total) / (step - since) for name, total in sums.items()}
             history.append({"step": step, "rate": rate, **means})
             curves.write_csv(history, out / f"{component}.csv")
@@ -205,7 +208,7 @@ def train(
             )
             data.photos.refresh()
             sums, since, clock = {}, step, time.perf_counter()
-        if step % SAVE == 0 or last:
+        if step % STEPS_PER_CHECKPOINT == 0 or last:
             figures = validation(step)
             save(step)
             curves.write_csv(validations, out / f"{component}_validation.csv")

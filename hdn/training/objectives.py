@@ -13,7 +13,7 @@ from ..networks.geometry import dlt, polar_crop, project
 from ..networks.openvino import compiled
 from ..networks.paper import PaperResidual
 from ..networks.polar import polar_points
-from ..networks.residual import STRIDE, Matches, ResidualNetwork, geometry
+from ..networks.residual import DESCRIPTOR_STRIDE, Matches, ResidualNetwork, geometry
 from ..networks.similarity import SimilarityNetwork
 from ..synthesis import (
     Motion,
@@ -254,7 +254,7 @@ class ResidualObjective:
         visible = clear * within * (batch.positive & batch.labelled)[:, None]
         seen = visible > 0.5
         n = round(len(cells) ** 0.5)
-        found = losses.matching_loss(matches.probability, (place - cells[0]) / STRIDE, seen, n)
+        found = losses.matching_loss(matches.probability, (place - cells[0]) / DESCRIPTOR_STRIDE, seen, n)
         moved = F.smooth_l1_loss(matches.displacement[seen], (place - source)[seen], beta=0.5, reduction="sum")
         moved = moved / (2 * seen.sum()).clamp_min(1)
         known = batch.labelled

@@ -7,8 +7,8 @@ from typing import Literal
 from ..networks.config import COMPACT, PAPER, Config
 from ..synthesis import Look
 
-USUAL_AND_COMPRESSED = Look(compressed=0.15)
-ALL = 1_000_000  # more cells than any map has
+COMPRESSED_LOOK = Look(compressed=0.15)
+ALL_NEGATIVES = 1_000_000  # more cells than any map has
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Recipe:
     weight_decay: float = 1e-4  # of AdamW
 
     # Samples
-    look: Look = USUAL_AND_COMPRESSED
+    look: Look = COMPRESSED_LOOK
     negatives: float = 0.2  # share of pairs that show two different objects
     uses: int = 3  # of each pair of both branches, whose backbone maps are dearer than the rest of a step
     similarity_occluded: float = 0.3

@@ -7,7 +7,7 @@ import torch
 
 Sample = TypeVar("Sample")
 
-KEPT = 200  # batches in memory: 2.3 GB of the translation branch's
+BATCHES_KEPT = 200  # in memory: 2.3 GB of the translation branch's
 
 
 class Replay(Generic[Sample]):
@@ -26,8 +26,8 @@ class Replay(Generic[Sample]):
         if (self.count - 1) % self.uses:
             return self.kept[int(torch.randint(len(self.kept), ()))]
         new = self.make()
-        if len(self.kept) < KEPT:
+        if len(self.kept) < BATCHES_KEPT:
             self.kept.append(new)
         else:
-            self.kept[int(torch.randint(KEPT, ()))] = new
+            self.kept[int(torch.randint(BATCHES_KEPT, ()))] = new
         return new

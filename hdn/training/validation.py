@@ -29,8 +29,8 @@ LOOKS = {
     "clean": Look(blurred=0, coarse=0, darkened=0),
     "hard": Look(blurred=0.5, coarse=0.5, darkened=0.5),
 }
-BATCH = 32
-SEED = 1
+VALIDATION_BATCH = 32
+VALIDATION_SEED = 1
 
 Figures = dict[str, float]
 
@@ -152,9 +152,9 @@ def _branch_batches(objective: BranchObjective, photos: Photos, pairs: int, look
 
 def _batches(pairs: int) -> Iterator[int]:
     """Batch sizes; seeded here, so that both kinds of pairs are drawn alike."""
-    torch.manual_seed(SEED)
-    for start in range(0, pairs, BATCH):
-        yield min(BATCH, pairs - start)
+    torch.manual_seed(VALIDATION_SEED)
+    for start in range(0, pairs, VALIDATION_BATCH):
+        yield min(VALIDATION_BATCH, pairs - start)
 
 
 def _joined(columns: list[tuple[Tensor, ...]]) -> list[Tensor]:

@@ -68,11 +68,11 @@ def test_a_compact_tracker_follows_the_footage_and_its_parts_add_up(network: pyt
     assert np.linalg.norm(transform(compact.proposals[1], footage.quad) - truth, axis=1).max() < 10
 
 
-def test_the_reference_answers_that_nothing_moved(footage: Footage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_authors_tracker_answers_that_nothing_moved(footage: Footage, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
     track = speed.AuthorsTracker.track
     monkeypatch.setattr(speed.AuthorsTracker, "track", lambda self, frame: seen.append(track(self, frame)))
-    parts = speed.reference(footage)(1)
+    parts = speed.authors(footage)(1)
     assert set(parts) == {STAGES}
     np.testing.assert_allclose(seen[0], footage.homographies[0], atol=1e-6)
 
@@ -97,14 +97,14 @@ def test_report(
     monkeypatch.setattr(speed, "Footage", lambda: footage)
     monkeypatch.setattr(speed, "Compact", FakeCompact)
     monkeypatch.setattr(speed, "Clocked", FakeEngine)
-    monkeypatch.setattr(speed, "reference", lambda _: lambda i: {STAGES: 0.5})
+    monkeypatch.setattr(speed, "authors", lambda _: lambda i: {STAGES: 0.5})
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     with pytest.raises(SystemExit) as stop:
         speed.main(["--rounds", "2", *(["--json"] if form == "json" else [])])
     assert stop.value.code == 0
     out = capsys.readouterr().out
     if form == "text":
-        for words in ("OpenVINO on the CPU", "paper, reference mode", "no CUDA device", "674 ms", "50.0", "2.0"):
+        for words in ("OpenVINO on the CPU", "paper, as its authors run it", "no CUDA device", "674 ms", "50.0", "2.0"):
             assert words in out
         return
     report = json.loads(out)
@@ -137,7 +137,7 @@ def test_a_busy_machine_is_said(
     monkeypatch.setattr(speed, "Footage", lambda: footage)
     monkeypatch.setattr(speed, "Compact", FakeCompact)
     monkeypatch.setattr(speed, "Clocked", FakeEngine)
-    monkeypatch.setattr(speed, "reference", lambda _: lambda i: {STAGES: 0.5})
+    monkeypatch.setattr(speed, "authors", lambda _: lambda i: {STAGES: 0.5})
     monkeypatch.setattr("os.getloadavg", lambda: (3.0, 1.0, 1.0))
     with caplog.at_level(logging.WARNING):
         speed.benchmark(1, threads=2)

@@ -18,7 +18,7 @@ from hdn.networks.loading import load_engine
 from hdn.networks.polar import polar_points
 from hdn.networks.pytorch import Hdn
 from hdn.networks.residual import ResidualNetwork, geometry, standardise
-from hdn.networks.similarity import ROTATIONS, SCALES, pose_grid
+from hdn.networks.similarity import POSES, pose_grid
 from hdn.proposal import MODEL, Proposer
 
 from ..scenes import Scene, error, moved, texture
@@ -59,7 +59,7 @@ def test_each_pose_looks_at_the_template_as_it_would_be_turned_and_scaled_about_
     y, x = torch.meshgrid(torch.arange(float(cells)), torch.arange(float(cells)), indexing="ij")
     places = torch.stack([x, y])[None]
     kernel = torch.stack([x, y], -1)[4:12, 4:12] - centre
-    for (rotation, scale), grid in zip(product(ROTATIONS, SCALES), pose_grid(COMPACT), strict=True):
+    for (rotation, scale), grid in zip(product(POSES.rotations, POSES.scales), pose_grid(COMPACT), strict=True):
         seen = (
             torch.nn.functional.grid_sample(places, torch.from_numpy(grid[None]), align_corners=False)[0].permute(
                 1, 2, 0

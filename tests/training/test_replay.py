@@ -27,7 +27,7 @@ def test_used_once_each_is_new_and_none_is_kept() -> None:
 
 
 def test_no_more_are_kept_than_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(replay, "KEPT", 10)
+    monkeypatch.setattr(replay, "BATCHES_KEPT", 10)
     torch.manual_seed(0)
     numbers = count()
     samples = Replay(lambda: next(numbers), 2)
