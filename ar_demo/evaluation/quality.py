@@ -1,21 +1,28 @@
 """How near a composite comes to the picture as it would have been: PSNR and SSIM where the ad is, and on its edge."""
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from hdn.imaging.arrays import Array, Image
+from hdn.imaging.arrays import Array, Image, Mask
 from hdn.imaging.homography import from_corners, translation
 from hdn.imaging.quads import area
 
-Mask = NDArray[np.bool_]
 
-BAND = 6.0  # px: the edge's width, half of it on each side
-REACH = 5  # px: half of SSIM's window of 11
-SIGMA = 1.5  # px, of that window's Gaussian weights
-C1, C2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
-ROUNDING = 1 / 12  # the least mean squared error that is told from none: that of rounding to whole grey levels
+@dataclass(frozen=True)
+class QualityMeasures:
+    """Where composites are compared, and the constants of PSNR and of SSIM (Wang et al., 2004)."""
 
+    edge_band_px: float = 6.0  # the edge's width, half of it on each side
+    window_reach_px: int = 5  # half of SSIM's window of 11
+    window_deviation_px: float = 1.5  # standard deviation of that window's Gaussian weights
+    c1_grey2: float = (0.01 * 255) ** 2  # steadies the comparison of means
+    c2_grey2: float = (0.03 * 255) ** 2  # steadies that of variances
+    min_error_grey2: float = 1 / 12  # mean squared error of rounding to whole grey levels: less is told from none
+
+
+MEASURES = QualityMeasures()
 NAMES = ("PSNR inside", "SSIM inside", "PSNR edge", "SSIM edge")
 
 
@@ -44,7 +51,7 @@ def regions(quad: Array, shape: tuple[int, ...]) -> tuple[Mask, Mask]:
         along = (u * (columns - x) + v * (rows - y)) / length
         inside &= turn * across >= 0
         nearest = np.minimum(nearest, np.hypot(across, along - np.clip(along, 0, length)))
-    return inside, nearest <= BAND / 2
+    return inside, nearest <= MEASURES.edge_band_px / 2
 
 
 def psnr(picture: Image, truth: Image, mask: Mask) -> float:
@@ -52,7 +59,7 @@ def psnr(picture: Image, truth: Image, mask: Mask) -> float:
     if not mask.any():
         return np.nan
     error = np.square(picture[mask].astype(np.float64) - truth[mask]).mean()
-    return float(10 * np.log10(255**2 / max(float(error), ROUNDING)))
+    return float(10 * np.log10(255**2 / max(float(error), MEASURES.min_error_grey2)))
 
 
 def ssim(a: Image, b: Image) -> Array:
@@ -61,8 +68,8 @@ def ssim(a: Image, b: Image) -> Array:
     mean_x, mean_y = _window(x), _window(y)
     variance_x, variance_y = _window(x * x) - mean_x**2, _window(y * y) - mean_y**2
     covariance = _window(x * y) - mean_x * mean_y
-    brightness = (2 * mean_x * mean_y + C1) / (mean_x**2 + mean_y**2 + C1)
-    return brightness * (2 * covariance + C2) / (variance_x + variance_y + C2)
+    brightness = (2 * mean_x * mean_y + MEASURES.c1_grey2) / (mean_x**2 + mean_y**2 + MEASURES.c1_grey2)
+    return brightness * (2 * covariance + MEASURES.c2_grey2) / (variance_x + variance_y + MEASURES.c2_grey2)
 
 
 def plain_warp(frame: Image, ad: Image, quad: Array) -> None:
@@ -82,8 +89,8 @@ def plain_warp(frame: Image, ad: Image, quad: Array) -> None:
 
 
 def _window(plane: Array) -> Array:
-    size = 2 * REACH + 1
-    return np.asarray(cv2.GaussianBlur(plane, (size, size), SIGMA), np.float64)
+    size = 2 * MEASURES.window_reach_px + 1
+    return np.asarray(cv2.GaussianBlur(plane, (size, size), MEASURES.window_deviation_px), np.float64)
 
 
 def _mean(values: Array, mask: Mask) -> float:
@@ -96,7 +103,7 @@ def _grey(picture: Image) -> Image:
 
 def _box(quad: Array, shape: tuple[int, ...]) -> tuple[slice, slice] | None:
     """Rows and columns of a frame that hold the quad, its edge, and what SSIM's window reaches; None for none."""
-    margin = BAND / 2 + REACH + 1
+    margin = MEASURES.edge_band_px / 2 + MEASURES.window_reach_px + 1
     bounds = np.array(shape[1::-1])
     low = np.clip(np.floor(quad.min(0) - margin), 0, bounds).astype(int)
     high = np.clip(np.ceil(quad.max(0) + margin) + 1, 0, bounds).astype(int)

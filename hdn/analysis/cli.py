@@ -9,9 +9,7 @@ from pathlib import Path
 from ..commandline import DONE, Parser, run
 from ..errors import InputError
 from ..networks.config import CONFIGS
-from . import conditioning as analysis_conditioning
-from . import rsew as analysis_rsew
-from . import states as analysis_states
+from . import conditioning, rsew, states
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -25,11 +23,11 @@ def _command(arguments: Sequence[str] | None) -> int:
         raise InputError("figures need Matplotlib: pip install 'ar-replace[bench]'")
     options.out.mkdir(parents=True, exist_ok=True)
     if options.analysis == "rsew":
-        lines, paths = analysis_rsew.write(options.out, CONFIGS[options.config], options.image)
+        lines, paths = rsew.write(options.out, CONFIGS[options.config], options.image)
     elif options.analysis == "states":
-        lines, paths = analysis_states.write(options.out, options.folders, options.clips, options.frames, options.seed)
+        lines, paths = states.write(options.out, options.folders, options.clips, options.frames, options.seed)
     else:
-        lines, paths = analysis_conditioning.write(options.out, options.samples, options.seed)
+        lines, paths = conditioning.write(options.out, options.samples, options.seed)
     print("\n".join([*lines, *(f"written: {path}" for path in paths)]))
     return DONE
 
@@ -43,26 +41,28 @@ def _parser() -> Parser:
     )
     analyses = parser.add_subparsers(dest="analysis", required=True, parser_class=_Subparser)
     subject = "how hard the parameters of a homography are to find, with and without decomposition: figure and CSV"
-    condition = analyses.add_parser("condition-number", help=subject, description=subject)
-    condition.add_argument(
+    condition_parser = analyses.add_parser("condition-number", help=subject, description=subject)
+    condition_parser.add_argument(
         "--samples", type=_natural, default=1_000_000, metavar="N", help="homographies drawn (default 1000000)"
     )
-    condition.add_argument("--seed", type=_natural, default=1, metavar="N", help="of the draw (default 1)")
+    condition_parser.add_argument("--seed", type=_natural, default=1, metavar="N", help="of the draw (default 1)")
     subject = "rotation and scale become shifts on the log-polar warp: figure, predicted and measured shifts"
-    rsew = analyses.add_parser("rsew", help=subject, description=subject)
-    rsew.add_argument("--image", type=Path, metavar="FILE", help="what to rotate and scale (default: a drawn poster)")
-    rsew.add_argument("--config", choices=list(CONFIGS), default="compact", help="whose warp (default compact)")
+    rsew_parser = analyses.add_parser("rsew", help=subject, description=subject)
+    rsew_parser.add_argument(
+        "--image", type=Path, metavar="FILE", help="what to rotate and scale (default: a drawn poster)"
+    )
+    rsew_parser.add_argument("--config", choices=list(CONFIGS), default="compact", help="whose warp (default compact)")
     subject = "states, confidence, deviation and visibility against the truth: table, figure and CSV"
-    states = analyses.add_parser("states", help=subject, description=subject)
-    states.add_argument(
+    states_parser = analyses.add_parser("states", help=subject, description=subject)
+    states_parser.add_argument(
         "folders", nargs="*", type=Path, metavar="FOLDER", help="of clips with corners, NAME.mp4 beside NAME.json"
     )
-    states.add_argument(
+    states_parser.add_argument(
         "--clips", type=_natural, default=4, metavar="N", help="drawn, textured and of low texture each (default 4)"
     )
-    states.add_argument("--frames", type=_natural, default=130, metavar="N", help="of each clip (default 130)")
-    states.add_argument("--seed", type=_natural, default=1, metavar="N", help="of the drawn clips (default 1)")
-    for analysis in (condition, rsew, states):
+    states_parser.add_argument("--frames", type=_natural, default=130, metavar="N", help="of each clip (default 130)")
+    states_parser.add_argument("--seed", type=_natural, default=1, metavar="N", help="of the drawn clips (default 1)")
+    for analysis in (condition_parser, rsew_parser, states_parser):
         analysis.add_argument(
             "--out", type=Path, default=Path("runs/analysis"), metavar="DIR", help="default runs/analysis"
         )

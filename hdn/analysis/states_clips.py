@@ -30,12 +30,20 @@ WIDTH, HEIGHT = 640, 360
 CHALLENGE = Challenge(Ranges(size=(180, 420)))  # of SynthPlanar's usual light, speed and tilt
 TEXTURED, LOW_TEXTURE = "textured", "low texture"
 
-# The target is in view for SEEN frames, goes within WAY, stays away for one of AWAY in turn, and comes back within WAY:
-# away for longer than a tracker holds its pose, then for less.
-SEEN, WAY, AWAY = 10, 15, (30, 6)
-PARTLY = 0.6  # of the target that is covered, along the way of what covers it, where it is not covered as a whole
-LARGER = 1.2  # what covers the target, ratio to the target's bounding box
-PAN = 3  # px a frame, while the clip is cut away
+
+@dataclass(frozen=True)
+class Staging:
+    """How the target goes and comes back, again and again."""
+
+    seen_frames: int = 10  # in view
+    way_frames: int = 15  # until it has gone, and until it is back
+    away_frames: tuple[int, ...] = (30, 6)  # in turn: longer than a tracker holds its pose, then shorter
+    partly_share: float = 0.6  # of the target that is covered where it is not covered as a whole
+    cover_ratio: float = 1.2  # sides of what covers the target to those of its bounding box
+    pan_px: int = 3  # a frame, while the clip is cut away
+
+
+STAGING = Staging()
 DIRECTIONS = np.array([[-1, 0], [0, -1], [1, 0], [0, 1]])  # in turn
 
 
@@ -154,11 +162,12 @@ def _known(sequence: Sequence, frames: int) -> tuple[list[Image], Array]:
 
 def absence(frames: int) -> tuple[Array, Array]:
     """How far the target has gone (N,), 0 in view to 1 away, and which time it is (N,), from 0."""
+    way = np.arange(1, STAGING.way_frames + 1) / (STAGING.way_frames + 1)
     gone, times = np.empty(0), np.empty(0, int)
     while len(gone) < frames:
         time = int(times[-1]) + 1 if len(times) else 0
-        way = np.arange(1, WAY + 1) / (WAY + 1)
-        turn = np.concatenate([np.zeros(SEEN), way, np.ones(AWAY[time % len(AWAY)]), way[::-1]])
+        away = np.ones(STAGING.away_frames[time % len(STAGING.away_frames)])
+        turn = np.concatenate([np.zeros(STAGING.seen_frames), way, away, way[::-1]])
         gone, times = np.concatenate([gone, turn]), np.concatenate([times, np.full(len(turn), time)])
     return gone[:frames], times[:frames]
 
@@ -178,7 +187,7 @@ def _in_view(clip: Clip, image: Image, corners: Array, gone: float, direction: A
 def _covered(clip: Clip, image: Image, corners: Array, gone: float, direction: Array, index: int) -> View:
     """The picture elsewhere, a little larger than the target, slides over it."""
     low, high = corners.min(0), corners.max(0)
-    size = np.ceil((high - low) * LARGER).astype(int)
+    size = np.ceil((high - low) * STAGING.cover_ratio).astype(int)
     cover = np.asarray(cv2.resize(clip.elsewhere, size.tolist(), interpolation=cv2.INTER_AREA), np.uint8)
     # From just beside the target's box to where it has that in its middle.
     centre = (low + high) / 2 + direction * (1 - gone) * ((size + high - low) / 2 + 2)
@@ -189,8 +198,8 @@ def _covered(clip: Clip, image: Image, corners: Array, gone: float, direction: A
 
 
 def _partly_covered(clip: Clip, image: Image, corners: Array, gone: float, direction: Array, index: int) -> View:
-    # The cover's way is LARGER + 1 half boxes long, of which the last LARGER - 1 no longer hide more.
-    return _covered(clip, image, corners, gone * PARTLY * 2 / (LARGER + 1), direction, index)
+    # The cover's way is cover_ratio + 1 half boxes long, of which the last cover_ratio - 1 no longer hide more.
+    return _covered(clip, image, corners, gone * STAGING.partly_share * 2 / (STAGING.cover_ratio + 1), direction, index)
 
 
 def _left(clip: Clip, image: Image, corners: Array, gone: float, direction: Array, index: int) -> View:
@@ -211,7 +220,7 @@ def _cut_away(clip: Clip, image: Image, corners: Array, gone: float, direction: 
     if gone < 1:
         return _in_view(clip, image, corners, gone, direction, index)
     nothing = np.zeros((CELLS, CELLS))
-    return View(np.roll(clip.elsewhere, PAN * index, 1), corners, nothing, nothing)
+    return View(np.roll(clip.elsewhere, STAGING.pan_px * index, 1), corners, nothing, nothing)
 
 
 Event = Callable[[Clip, Image, Array, float, Array, int], View]

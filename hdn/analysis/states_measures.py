@@ -9,10 +9,19 @@ from numpy.typing import NDArray
 from ..benchmark.metrics import Flags, roc_area
 from ..imaging.arrays import Array
 
-WRONG = 10.0  # px, root mean square over the corners, beyond which a pose is wrong
-WELL_SEEN, WHOLE = 0.7, 0.98  # shares of the target
-SOON = 3  # frames within which a target is to be found again
-GOOD = 5.0  # px
+
+@dataclass(frozen=True)
+class JudgingThresholds:
+    """By which what a tracker says of itself is judged."""
+
+    wrong_px: float = 10.0  # root mean square over the corners, beyond which a pose is wrong
+    good_px: float = 5.0  # within which it is good
+    well_seen_share: float = 0.7  # of the target that makes it wrong to call it lost
+    whole_share: float = 0.98  # of the target from which all of it counts as back
+    soon_frames: int = 3  # within which a target is to be found again
+
+
+THRESHOLDS = JudgingThresholds()
 CONFIDENCES = np.linspace(0, 1, 11)  # edges of bins
 DEVIATIONS = np.array([0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8])  # px, edges of bins; the last is open
 
@@ -51,7 +60,7 @@ class Answers:
     @property
     def wrong(self) -> Flags:
         """(N,) where the pose is wrong, or nothing of the target is there to be seen."""
-        return np.asarray((self.errors > WRONG) | (self.share == 0))
+        return np.asarray((self.errors > THRESHOLDS.wrong_px) | (self.share == 0))
 
 
 @dataclass(frozen=True)
@@ -89,15 +98,15 @@ def recoveries(answers: Answers) -> list[float]:
     A right pose in that very frame makes 0. Infinite where the target goes again, or the clip ends, before; a return in
     the clip's very last frames does not count.
     """
-    found = answers.tracked & (answers.errors < WRONG)
+    found = answers.tracked & (answers.errors < THRESHOLDS.wrong_px)
     times, away, since = [], False, None
     for index, share in enumerate(answers.share):
         if share == 0:
             if since is not None:
                 times.append(np.inf)
             away, since = True, None
-        elif away and share >= WHOLE:
-            away, since = False, index if index + SOON < len(found) else None
+        elif away and share >= THRESHOLDS.whole_share:
+            away, since = False, index if index + THRESHOLDS.soon_frames < len(found) else None
         if since is not None and found[index]:
             times.append(float(index - since))
             since = None
@@ -123,7 +132,7 @@ def figures(several: Many[Answers]) -> dict[str, float]:
             [a.tracked for a in several],
             [a.wrong for a in several],
             [a.states == "lost" for a in several],
-            [a.share >= WELL_SEEN for a in several],
+            [a.share >= THRESHOLDS.well_seen_share for a in several],
         )
     )
     times = np.array([time for a in several for time in recoveries(a)])
@@ -135,7 +144,7 @@ def figures(several: Many[Answers]) -> dict[str, float]:
         "false tracked": _mean(wrong[tracked]),
         "false lost": _mean(lost[well_seen]),
         "returns": float(len(times)),
-        "found soon": _mean(times <= SOON),
+        "found soon": _mean(times <= THRESHOLDS.soon_frames),
         "frames to find": float(np.median(times)) if len(times) else np.nan,
         "cells": roc_area(said, true),
         "precision": _mean(true[said > 0.5]),
@@ -158,7 +167,7 @@ def reliability(several: Many[Answers]) -> Bins:
 def precision(several: Many[Answers]) -> Bins:
     """Confidence of tracked frames against the share of them within 5 px."""
     said, errors = (np.concatenate([getattr(a, n)[a.tracked] for a in several]) for n in ("confidences", "errors"))
-    return binned(said, (errors <= GOOD).astype(float), CONFIDENCES)
+    return binned(said, (errors <= THRESHOLDS.good_px).astype(float), CONFIDENCES)
 
 
 def spread(several: Many[Answers]) -> Bins:

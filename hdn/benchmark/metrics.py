@@ -29,9 +29,17 @@ HOMOGRAPHY_THRESHOLDS = np.arange(0, 201.0, 10)  # of homography discrepancy, as
 OVERLAP_THRESHOLDS = np.linspace(0, 1, 21)
 LENGTH_THRESHOLDS = np.arange(0, 501.0)  # frames
 
-FAILURE = 0.2  # overlap (IoU) at or under which a trajectory is broken
-FRAGMENT = 10  # frames: a shorter trajectory is a fragment
-RECOVERED = 10.0  # px: alignment error at which a failure is over
+
+@dataclass(frozen=True)
+class FailureLimits:
+    """When a tracker has failed and when it is back; ours, for neither the paper nor POT's authors say."""
+
+    failure_overlap: float = 0.2  # intersection over union at or under which a trajectory is broken
+    fragment_frames: int = 10  # a shorter trajectory is a fragment
+    recovered_px: float = 10.0  # alignment error at which a failure is over
+
+
+LIMITS = FailureLimits()
 
 
 @dataclass(frozen=True)
@@ -118,7 +126,7 @@ def figures(m: Measures) -> dict[str, float]:
         "avg HSR": float(within(m.discrepancies, HOMOGRAPHY_THRESHOLDS).mean()),
         "avg CP": float(within(m.centroids, PRECISION_THRESHOLDS).mean()),
         "avg SR": float(above(m.overlaps, OVERLAP_THRESHOLDS).mean()),
-        "fragments": float((m.lengths < FRAGMENT).mean()),
+        "fragments": float((m.lengths < LIMITS.fragment_frames).mean()),
         "median error": float(np.median(m.errors)),
         "jitter": float(np.median(m.jitter)) if len(m.jitter) else np.nan,
         "lost wrongly": float(m.lost.mean()),
@@ -201,7 +209,7 @@ def overlap(a: Array, b: Array) -> float:
 
 
 def trajectory_lengths(known: Indices, overlaps: Array) -> Array:
-    """Lengths in frames of the stretches without a failure (overlap <= FAILURE), which starts at the given frame 0.
+    """Lengths in frames of the stretches without a failure (see LIMITS), the first from the given frame 0 on.
 
     As in the authors' code, each failed frame ends a trajectory, one of length 0 where the frame before failed too.
     Unlike there, the last stretch counts also where it does not span the whole sequence.
@@ -214,7 +222,7 @@ def trajectory_lengths(known: Indices, overlaps: Array) -> Array:
     start: int | None = 0
     last = 0
     for index, value in zip(known.tolist(), overlaps, strict=True):
-        if value > FAILURE:
+        if value > LIMITS.failure_overlap:
             start = index if start is None else start
             last = index
         else:
@@ -237,16 +245,16 @@ def jitter(known: Indices, offsets: Array) -> Array:
 
 
 def recoveries(known: Indices, overlaps: Array, errors: Array) -> Array:
-    """Frames from each failure (overlap <= FAILURE) to the first known frame within RECOVERED px, (F,).
+    """Frames from each failure to the first known frame in which it is over (see LIMITS), (F,).
 
     One that is never made good lasts until after the last known frame.
     """
     durations = []
     failed: int | None = None
     for index, value, error in zip(known.tolist(), overlaps, errors, strict=True):
-        if failed is None and value <= FAILURE:
+        if failed is None and value <= LIMITS.failure_overlap:
             failed = index
-        elif failed is not None and error <= RECOVERED:
+        elif failed is not None and error <= LIMITS.recovered_px:
             durations.append(index - failed)
             failed = None
     if failed is not None:

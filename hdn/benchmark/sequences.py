@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..imaging.arrays import Array, Image
-from .degradation import DEGRADATIONS, SKIP, degrade
+from .degradation import DEGRADATIONS, SETTINGS, degrade
 
 IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm", ".webp", ".tif", ".tiff"}
 VIDEOS = (".avi", ".mp4", ".mov", ".mkv", ".webm", ".m4v")
@@ -68,7 +68,8 @@ class Sequence:
             raise InputError(f"there is no degradation '{kind}': choose from {', '.join(DEGRADATIONS)}")
         dataset = f"{self.dataset}+{kind}"
         if kind == "skip":
-            return replace(self, dataset=dataset, truth=self.truth[::SKIP], step=SKIP)
+            step = SETTINGS.skip_frames
+            return replace(self, dataset=dataset, truth=self.truth[::step], step=step)
         return replace(self, dataset=dataset, degradation=kind)
 
     def _read(self) -> Iterator[Image]:

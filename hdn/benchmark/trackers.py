@@ -5,6 +5,7 @@ in PEERS.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -106,13 +107,23 @@ def _engine(path: Path) -> Engine:
     return Tracker(path).engine
 
 
+@dataclass(frozen=True)
+class MatchingSettings:
+    """When matched points make a homography."""
+
+    max_distance_ratio: float = 0.8  # of the nearest descriptor's distance to the second nearest's (Lowe, 2004)
+    tolerance_px: float = 3.0  # from a homography, within which a match agrees with it
+    min_inliers: int = 8  # matches
+
+
+MATCHING = MatchingSettings()
+
+
 class Keypoints:
     """Keypoints of the first frame's target matched to each frame anew (ratio test), and a robust homography.
 
     It keeps nothing from frame to frame: it cannot drift, and never stays lost.
     """
-
-    RATIO, TOLERANCE, MIN_INLIERS = 0.8, 3.0, 8  # of distances; px; matches
 
     def __init__(self, detector: cv2.Feature2D, norm: int, method: int) -> None:
         """Args: norm: cv2.NORM_*, of descriptors; method: cv2.RANSAC or cv2.USAC_*, of cv2.findHomography."""
@@ -127,24 +138,37 @@ class Keypoints:
 
     def track(self, frame: Image) -> Answer:
         points, descriptors = self._detect(frame)
-        if min(len(points), len(self.points)) < self.MIN_INLIERS:
+        if min(len(points), len(self.points)) < MATCHING.min_inliers:
             return LOST
         pairs = self.matcher.knnMatch(self.descriptors, descriptors, k=2)
-        good = [p[0] for p in pairs if len(p) == 2 and p[0].distance < self.RATIO * p[1].distance]
+        good = [p[0] for p in pairs if len(p) == 2 and p[0].distance < MATCHING.max_distance_ratio * p[1].distance]
         source = self.points[[m.queryIdx for m in good]]
         target = points[[m.trainIdx for m in good]]
-        return _robust(self.quad, source, target, self.method, self.TOLERANCE, self.MIN_INLIERS)
+        return _robust(self.quad, source, target, self.method)
 
     def _detect(self, frame: Image, mask: Image | None = None) -> tuple[Array, np.ndarray]:
         keypoints, descriptors = self.detector.detectAndCompute(_grey(frame), mask)
         return np.array([k.pt for k in keypoints], np.float64).reshape(-1, 2), descriptors
 
 
+@dataclass(frozen=True)
+class FlowSettings:
+    """How points are followed."""
+
+    points: int = 300  # at most
+    min_points: int = 60  # fewer, and new ones are taken
+    min_quality: float = 0.01  # of a corner, share of the best one's
+    apart_px: float = 5  # between two points
+    window_px: int = 21  # side of the patch around a point
+    levels: int = 4  # of the pyramid, beside the frame itself
+    max_return_px: float = 1.0  # between a point and where it comes back to when followed backward
+
+
+FLOW = FlowSettings()
+
+
 class Flow:
     """Pyramidal Lucas-Kanade from frame to frame, checked backward, and RANSAC; errors add up."""
-
-    POINTS, TOO_FEW, MIN_INLIERS = 300, 60, 8
-    BACKWARD, TOLERANCE = 1.0, 3.0  # px
 
     def init(self, frame: Image, quad: Array) -> None:
         self.grey, self.corners = _grey(frame), quad
@@ -152,41 +176,50 @@ class Flow:
 
     def track(self, frame: Image) -> Answer:
         before, self.grey = self.grey, _grey(frame)
-        if len(self.points) < self.MIN_INLIERS:
+        if len(self.points) < MATCHING.min_inliers:
             return LOST
-        window = {"winSize": (21, 21), "maxLevel": 4}
+        window = {"winSize": (FLOW.window_px,) * 2, "maxLevel": FLOW.levels}
         there, found, _ = cv2.calcOpticalFlowPyrLK(before, self.grey, self.points, None, **window)
         back, returned, _ = cv2.calcOpticalFlowPyrLK(self.grey, before, there, None, **window)
-        near = np.linalg.norm(back - self.points, axis=-1).ravel() < self.BACKWARD
+        near = np.linalg.norm(back - self.points, axis=-1).ravel() < FLOW.max_return_px
         good = near & (found.ravel() == 1) & (returned.ravel() == 1)
         source, target = self.points[good].reshape(-1, 2), there[good].reshape(-1, 2)
-        answer = _robust(self.corners, source, target, cv2.RANSAC, self.TOLERANCE, self.MIN_INLIERS)
+        answer = _robust(self.corners, source, target, cv2.RANSAC)
         if answer.corners is None:
             return LOST  # the points stay where they were: the target may come to rest there again
         self.corners, self.points = answer.corners, target.reshape(-1, 1, 2)
-        if len(self.points) < self.TOO_FEW:
+        if len(self.points) < FLOW.min_points:
             self.points = self._detect()
         return answer
 
     def _detect(self) -> np.ndarray:
         mask = np.zeros(self.grey.shape, np.uint8)
         cv2.fillConvexPoly(mask, np.round(self.corners).astype(np.int32), 255)
-        points = cv2.goodFeaturesToTrack(self.grey, self.POINTS, 0.01, 5, mask=mask)
+        points = cv2.goodFeaturesToTrack(self.grey, FLOW.points, FLOW.min_quality, FLOW.apart_px, mask=mask)
         return np.empty((0, 1, 2), np.float32) if points is None else points
+
+
+@dataclass(frozen=True)
+class EccSettings:
+    """How the first view is aligned."""
+
+    longest_px: int = 200  # of the target's sides; frames are shrunk to that
+    smoothing_px: float = 1.0  # of the shrunken frame, standard deviation
+    iterations: int = 40
+    min_gain: float = 1e-4  # of the correlation in an iteration; with less, it is done
+
+
+ECC = EccSettings()
 
 
 class Ecc:
     """Enhanced correlation coefficient (Evangelidis and Psarakis, 2008): the first view aligned from the last pose."""
 
-    LONGEST = 200  # px, of the target; frames are shrunk to that
-    SMOOTHING = 1.0  # px of the shrunken frame, sigma
-    ITERATIONS, EPSILON = 40, 1e-4
-
     def init(self, frame: Image, quad: Array) -> None:
         sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
         across = np.array([max(sides[0], sides[2]), max(sides[1], sides[3])])
         whole = np.array([frame.shape[1], frame.shape[0]])
-        self.size = np.maximum(1, np.round(whole * min(1.0, self.LONGEST / across.max()))).astype(int)
+        self.size = np.maximum(1, np.round(whole * min(1.0, ECC.longest_px / across.max()))).astype(int)
         self.scale = self.size / whole
         w, h = (max(8, round(s)) for s in across * self.scale)
         self.outline = np.array([[0.0, 0], [w - 1, 0], [w - 1, h - 1], [0, h - 1]])
@@ -195,7 +228,7 @@ class Ecc:
         self.template = cv2.warpPerspective(self._shrunk(frame), self.pose, (w, h), flags=inward)
 
     def track(self, frame: Image) -> Answer:
-        criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, self.ITERATIONS, self.EPSILON)
+        criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, ECC.iterations, ECC.min_gain)
         start, image = self.pose.astype(np.float32), self._shrunk(frame)
         try:
             _, found = cv2.findTransformECC(self.template, image, start, cv2.MOTION_HOMOGRAPHY, criteria, None, 1)
@@ -214,15 +247,15 @@ class Ecc:
         OpenCV's own smoothing would take the template's edge for the image's, which shrinks the pose by half a pixel.
         """
         small = cv2.resize(_grey(frame), self.size.tolist(), interpolation=cv2.INTER_AREA)
-        return np.asarray(cv2.GaussianBlur(small, (0, 0), self.SMOOTHING), np.uint8)
+        return np.asarray(cv2.GaussianBlur(small, (0, 0), ECC.smoothing_px), np.uint8)
 
 
-def _robust(quad: Array, source: Array, target: Array, method: int, tolerance: float, least: int) -> Answer:
+def _robust(quad: Array, source: Array, target: Array, method: int) -> Answer:
     """The quad (4, 2) through the homography on which enough of the matches (M, 2) agree."""
-    if len(source) < least:
+    if len(source) < MATCHING.min_inliers:
         return LOST
-    homography, inliers = cv2.findHomography(source, target, method, tolerance)
-    if homography is None or int(inliers.sum()) < least:
+    homography, inliers = cv2.findHomography(source, target, method, MATCHING.tolerance_px)
+    if homography is None or int(inliers.sum()) < MATCHING.min_inliers:
         return LOST
     corners = through(homography, quad)
     if not (np.isfinite(corners).all() and is_convex(corners)):

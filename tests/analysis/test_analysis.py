@@ -8,9 +8,7 @@ import pytest
 import torch
 from PIL import Image as Pillow
 
-from hdn.analysis import cli as analysis
-from hdn.analysis import conditioning as conditioning
-from hdn.analysis import rsew as rsew
+from hdn.analysis import cli, conditioning, rsew
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import transform
 from hdn.networks.config import COMPACT, PAPER, Config
@@ -124,7 +122,7 @@ def test_ranges_hold_the_identity() -> None:
 
 def run(*arguments: object) -> int:
     with pytest.raises(SystemExit) as stop:
-        analysis.main([str(a) for a in arguments])
+        cli.main([str(a) for a in arguments])
     assert isinstance(stop.value.code, int)
     return stop.value.code
 

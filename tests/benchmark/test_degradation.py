@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hdn.benchmark.degradation import BAR_COLOUR, degrade
+from hdn.benchmark.degradation import SETTINGS, degrade
 
 CORNERS = np.array([[40.0, 20], [140, 20], [140, 80], [40, 80]])
 
@@ -41,5 +41,5 @@ def test_the_bar_hides_up_to_70_percent_of_the_target(frame: np.ndarray, progres
     original = frame.copy()
     barred = degrade(frame, "bar", 0, progress, CORNERS)
     target = barred[20:80, 40:140]
-    assert abs((target == BAR_COLOUR).all(-1).mean() - hidden) < 0.03
+    assert abs((target == SETTINGS.bar_rgb).all(-1).mean() - hidden) < 0.03
     assert np.array_equal(frame, original)

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ar_demo.evaluation import cli as evaluation
-from ar_demo.evaluation import report as evaluation_report
+from ar_demo.evaluation import cli, report
 from ar_demo.evaluation.quality import plain_warp, psnr, quality, regions, ssim
 from ar_demo.evaluation.scenes import COMPOSITES, read_scenes
 from hdn.benchmark.synthplanar.cli import Setting, generate
@@ -34,13 +33,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def evaluated(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What ar-eval leaves of it."""
     out = tmp_path_factory.mktemp("evaluated")
-    evaluation.write(evaluation.evaluate_all(read_scenes(folder), out), out)
+    cli.write(cli.evaluate_all(read_scenes(folder), out), out)
     return out
 
 
 @pytest.fixture
 def main() -> Main:
-    return evaluation.main
+    return cli.main
 
 
 def test_psnr_by_hand() -> None:
@@ -128,13 +127,13 @@ def test_what_was_evaluated_is_kept(
     def never(*_: object) -> None:
         raise AssertionError("it was there already")
 
-    monkeypatch.setattr(evaluation, "evaluate", never)
+    monkeypatch.setattr(cli, "evaluate", never)
     status, out, err = run(folder, "--out", tmp_path)
     assert (status, err) == (0, "")
     assert (evaluated / "quality.md").read_text(encoding="utf-8") in out
     assert run(folder, "--out", tmp_path, "--quiet")[1] == ""
     assert "it was there already" in run(folder, "--out", tmp_path, "--limit", 3)[2]  # other frames
-    monkeypatch.setattr(evaluation, "digest", lambda _: "other code")
+    monkeypatch.setattr(cli, "digest", lambda _: "other code")
     assert "it was there already" in run(folder, "--out", tmp_path)[2]
 
 
@@ -174,15 +173,15 @@ def test_the_report_says_everything(
     folder: Path, evaluated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(evaluated, tmp_path / "out" / "composites")
-    monkeypatch.setattr(evaluation_report, "DEGRADATIONS", {"dark": "at night"})
-    monkeypatch.setattr(evaluation_report, "_make_clips", lambda *_: folder)
-    monkeypatch.setattr(evaluation_report, "ALL", ("ecc", "flow"))
-    monkeypatch.setattr(evaluation_report, "COMPARED", ("flow",))
-    report = tmp_path / "docs.md"
+    monkeypatch.setattr(report, "DEGRADATIONS", {"dark": "at night"})
+    monkeypatch.setattr(report, "_make_clips", lambda *_: folder)
+    monkeypatch.setattr(report, "ALL", ("ecc", "flow"))
+    monkeypatch.setattr(report, "COMPARED", ("flow",))
+    written = tmp_path / "docs.md"
     with pytest.raises(SystemExit) as stop:
-        evaluation_report.main([str(folder), "--out", str(tmp_path / "out"), "--report", str(report)])
+        report.main([str(folder), "--out", str(tmp_path / "out"), "--report", str(written)])
     assert stop.value.code == 0, capsys.readouterr().err
-    text = report.read_text(encoding="utf-8")
+    text = written.read_text(encoding="utf-8")
     for line in ("Tracking: SynthPlanar", "Tracking: real clips", "Composites: SynthPlanar", "Published figures"):
         assert f"\n## {line}" in text
     assert "dark: at night" in text

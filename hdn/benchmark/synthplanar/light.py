@@ -9,7 +9,7 @@ from ...imaging.arrays import Array, Image
 from ...imaging.homography import translation
 from .drawings import Floats, noise
 
-WHITE = 255.0**2  # light of a pixel value of 255: values are roots of light, see synthplanar_render
+WHITE = 255.0**2  # light of a pixel value of 255: values are roots of light, see render
 _SPOT = 65  # texels of a glare's width
 _ROOM = 64  # px by which the grain is moved about from frame to frame
 

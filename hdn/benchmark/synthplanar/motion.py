@@ -15,12 +15,19 @@ WIDTH, HEIGHT = 1280, 720
 FOCAL = 1100.0
 CENTRE = np.array([(WIDTH - 1) / 2, (HEIGHT - 1) / 2])
 
-# Speeds are log-normal: with this median and spread 90 % of them stay below 24 px a frame and 99 % below 65 px.
-MEDIAN_SPEED = 8.0
-SPEED_SPREAD = 0.82
-TOP_SPEED = 2.6  # deviations of the logarithm
-STEADY = 6.0  # frames over which the speed stays about the same
-SLOW_START = 10  # frames
+
+@dataclass(frozen=True)
+class SpeedModel:
+    """Speeds of the target, log-normal: 90 % of them stay below 24 px a frame and 99 % below 65 px."""
+
+    median_px: float = 8.0  # a frame
+    log_deviation: float = 0.82  # standard deviation of the logarithm
+    max_deviations: float = 2.6  # of the logarithm from its mean
+    steady_frames: float = 6.0  # standard deviation of the time over which the speed stays about the same
+    slow_start_frames: int = 10  # until it is reached
+
+
+SPEED = SpeedModel()
 
 _SAMPLES = 48  # of the path between two of its keys
 _FINE = 16  # samples of the speed in a frame
@@ -115,15 +122,15 @@ def to_setting(width: int) -> Array:
 
 def _speeds(times: Array, frames: int, rng: np.random.Generator) -> Array:
     """Speeds at the times (N,), px a frame: log-normal, steady over some frames, slow at first."""
-    reach = int(4 * STEADY)
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / STEADY) ** 2)
+    reach = int(4 * SPEED.steady_frames)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / SPEED.steady_frames) ** 2)
     wave = np.convolve(rng.standard_normal(frames + 2 * reach), kernel, "valid")
     wave = (wave - wave.mean()) / max(wave.std(), 1e-9)
-    wave = np.minimum(wave, TOP_SPEED)
+    wave = np.minimum(wave, SPEED.max_deviations)
     # Few frames cannot hold the whole range of speeds: they get its middle.
-    spread = SPEED_SPREAD * min(1.0, frames / 40)
-    speed = MEDIAN_SPEED * np.exp(spread * np.interp(times, np.arange(frames), wave))
-    return np.asarray(speed * np.clip((times + 1) / SLOW_START, 0.05, 1))
+    spread = SPEED.log_deviation * min(1.0, frames / 40)
+    speed = SPEED.median_px * np.exp(spread * np.interp(times, np.arange(frames), wave))
+    return np.asarray(speed * np.clip((times + 1) / SPEED.slow_start_frames, 0.05, 1))
 
 
 def _keys(ranges: Ranges, outline: Array, count: int, rng: np.random.Generator) -> Array:

@@ -17,8 +17,8 @@ from .drawings import Floats
 from .light import Light, Sensor
 from .motion import Trajectory, background_poses, plane_to_frame, to_setting
 
-SUBFRAMES = 4, 16
-STEP = 2.0  # px that a corner moves between two sub-frames, as long as there are enough of them
+SUBFRAMES_RANGE = 4, 16  # sub-frames of a frame, fewest and most
+SUBFRAME_STEP_PX = 2.0  # that a corner moves between two sub-frames, as long as there are enough of them
 LEVELS = 4  # of the textures' pyramids
 BACKGROUND = 1.6  # the background's width, ratio to the frame's; beyond, it is mirrored
 
@@ -186,7 +186,7 @@ class Renderer:
         half = self._scene.shutter / 2
         ends = self._scene.trajectory.corners(np.array([index - half, index, index + half]))
         way = np.linalg.norm(np.diff(ends, axis=0), axis=2).sum(0).max() * self._setting[0, 0]
-        count = int(np.clip(np.ceil(way / STEP), *SUBFRAMES))
+        count = int(np.clip(np.ceil(way / SUBFRAME_STEP_PX), *SUBFRAMES_RANGE))
         return np.asarray(((np.arange(count) + 0.5) / count - 0.5) * self._scene.shutter)
 
     def _about_at(self, time: float) -> Array:

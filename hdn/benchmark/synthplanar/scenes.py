@@ -13,7 +13,7 @@ from .pictures import Pictures
 from .render import BACKGROUND, LEVELS, Layer, Passage, Scene
 
 Rng = np.random.Generator
-USUAL = Ranges()
+DEFAULT_RANGES = Ranges()
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Challenge:
     and the most of them.
     """
 
-    ranges: Ranges = USUAL
+    ranges: Ranges = DEFAULT_RANGES
     shutter: tuple[float, float] = (0.25, 0.5)
     exposure: tuple[float, float] = (0.8, 1.15)
     swing: float = 0.2
