@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 TimedPicture = tuple[Fraction, Callable[[], Picture]]
 
 _IMAGE_FORMATS = ("PNG", "JPEG", "MPO", "WEBP", "GIF", "BMP", "TIFF", "PPM", "AVIF")
-_DEFAULT_STEP = Fraction(1, 10)  # an animated image's frame of no stated duration, as browsers show it
+_DEFAULT_FRAME_SECONDS = Fraction(1, 10)  # an animated image's frame of no stated duration, as browsers show it
 
 
 class Ad(AbstractContextManager["Ad"]):
@@ -176,7 +176,7 @@ def _step(image: Image.Image, index: int) -> Fraction:
     image.seek(index)
     image.load()  # WebP knows the duration only then
     milliseconds = image.info.get("duration") or 0
-    return Fraction(milliseconds) / 1000 if milliseconds > 0 else _DEFAULT_STEP
+    return Fraction(milliseconds) / 1000 if milliseconds > 0 else _DEFAULT_FRAME_SECONDS
 
 
 def _pixels(image: Image.Image) -> Picture:

@@ -23,15 +23,15 @@ from .decode import picture_duration
 log = logging.getLogger(__name__)
 
 Warn = Callable[[str], None]
-Samples = NDArray[np.float32]  # (2, n): stereo at RATE, within -1 to 1
+Samples = NDArray[np.float32]  # (2, n): stereo at SAMPLE_RATE, within -1 to 1
 
-RATE = 48000
+SAMPLE_RATE = 48000
 MIX_GAIN = np.float32(0.7)  # each of two tracks, 3 dB down
-_BLOCK = RATE  # samples produced at once, at most
-_GAP = RATE // 50  # timestamps may be off by 20 ms before silence is put in or samples are dropped
-_PREROLL = Fraction(1, 10)  # copied sound may begin so much before the picture: it primes the sound decoder
+_BLOCK_SAMPLES = SAMPLE_RATE  # samples produced at once, at most
+_GAP_SAMPLES = SAMPLE_RATE // 50  # timestamps may be off by 20 ms before silence is put in or samples are dropped
+_PREROLL_SECONDS = Fraction(1, 10)  # copied sound may begin so much before the picture: it primes the sound decoder
 # Codecs that FFmpeg's muxers say they take, and then do not.
-_REFUSED = {"mov": {"opus", "flac", "truehd"}, "mp4": {"truehd"}}
+_REFUSED_CODECS = {"mov": {"opus", "flac", "truehd"}, "mp4": {"truehd"}}
 
 
 class Audio:
@@ -125,7 +125,7 @@ class _Copy:
         stream = container.streams.audio[0]
         name, muxer = stream.codec_context.name, output.format.name
         try:
-            if name in _REFUSED.get(muxer, ()):
+            if name in _REFUSED_CODECS.get(muxer, ()):
                 raise ValueError
             target = output.add_stream_from_template(stream)
         except ValueError:
@@ -134,7 +134,7 @@ class _Copy:
             return None
         # Matroska would shift everything, the picture too, so that nothing lies before zero; MP4 hides what does.
         shifts = muxer in ("matroska", "webm") and name != "opus"
-        return _Copy(container, stream, target, Fraction(0) if shifts else _PREROLL, warn)
+        return _Copy(container, stream, target, Fraction(0) if shifts else _PREROLL_SECONDS, warn)
 
     def _read(self) -> Packet[AudioStream] | None:
         try:
@@ -174,7 +174,7 @@ class _Encode:
         self._tracks: list[_Track] | None = None  # opened when the start is known
         self._written = 0  # samples
         codec, self._format = ("libopus", "flt") if output.format.name == "webm" else ("aac", "fltp")
-        self._stream = cast(AudioStream, output.add_stream(codec, rate=RATE, bit_rate=192_000))
+        self._stream = cast(AudioStream, output.add_stream(codec, rate=SAMPLE_RATE, bit_rate=192_000))
         self._stream.codec_context.format = self._format
 
     def packets(self, start: Fraction, until: Fraction) -> Iterator[Packet[AudioStream]]:
@@ -182,9 +182,9 @@ class _Encode:
             sources = [_samples(self._source, start, self._warn)] if self._source else []
             ads = [_ad_samples(self._ad, self._loop, self._warn)] if self._ad else []
             self._tracks = [_Track(blocks) for blocks in sources + ads]
-        wanted = round((until - start) * RATE)
+        wanted = round((until - start) * SAMPLE_RATE)
         while self._written < wanted:
-            count = min(wanted - self._written, _BLOCK)
+            count = min(wanted - self._written, _BLOCK_SAMPLES)
             yield from self._stream.encode(self._frame(self._mix([track.read(count) for track in self._tracks])))
             self._written += count
 
@@ -200,9 +200,9 @@ class _Encode:
         else:  # "flt", interleaved
             data = np.ascontiguousarray(samples.T).reshape(1, -1)
         frame = av.AudioFrame.from_ndarray(data, self._format, "stereo")
-        frame.sample_rate = RATE
+        frame.sample_rate = SAMPLE_RATE
         frame.pts = self._written
-        frame.time_base = Fraction(1, RATE)
+        frame.time_base = Fraction(1, SAMPLE_RATE)
         return frame
 
     def flush(self) -> Iterator[Packet[AudioStream]]:
@@ -244,10 +244,10 @@ def _ad_samples(path: Path, loop: bool, warn: Warn) -> Iterator[Samples]:
         return
     duration = picture_duration(path)
     for turn in itertools.count():
-        count = round((turn + 1) * duration * RATE) - round(turn * duration * RATE)
+        count = round((turn + 1) * duration * SAMPLE_RATE) - round(turn * duration * SAMPLE_RATE)
         track = _Track(_samples(path, None, warn))
         while count > 0:
-            block = track.read(min(count, _BLOCK))
+            block = track.read(min(count, _BLOCK_SAMPLES))
             yield block
             count -= block.shape[1]
         track.close()
@@ -263,11 +263,11 @@ def _samples(path: Path, start: Fraction | None, warn: Warn) -> Iterator[Samples
             start = (first.start_time or 0) * (first.time_base or Fraction(0))
         done = 0
         for time, block in _resampled(container, stream, warn):
-            begin = done if time is None else round((time - start) * RATE)
-            if abs(begin - done) > _GAP or (done == 0 and begin < 0):
+            begin = done if time is None else round((time - start) * SAMPLE_RATE)
+            if abs(begin - done) > _GAP_SAMPLES or (done == 0 and begin < 0):
                 block = block[:, max(0, done - begin) :]
                 while begin > done:
-                    silence = np.zeros((2, min(begin - done, _BLOCK)), np.float32)
+                    silence = np.zeros((2, min(begin - done, _BLOCK_SAMPLES)), np.float32)
                     yield silence
                     done += silence.shape[1]
             if block.shape[1]:
@@ -277,14 +277,14 @@ def _samples(path: Path, start: Fraction | None, warn: Warn) -> Iterator[Samples
 
 def _resampled(container: InputContainer, stream: AudioStream, warn: Warn) -> Iterator[tuple[Fraction | None, Samples]]:
     """(time in seconds, samples) of each decoded piece of sound; a damaged piece is left out."""
-    resampler, layout = AudioResampler("fltp", "stereo", RATE), None
+    resampler, layout = AudioResampler("fltp", "stereo", SAMPLE_RATE), None
     frames = _decoded(container, stream, warn)
     for frame in itertools.chain(frames, [None]):
         now = (frame.format.name, frame.layout.name, frame.sample_rate) if frame else None
         ready = []
         if now != layout and layout is not None:  # the sound's form changes on the way, or ends
             ready += resampler.resample(None)
-            resampler = AudioResampler("fltp", "stereo", RATE)
+            resampler = AudioResampler("fltp", "stereo", SAMPLE_RATE)
         layout = now
         if frame is not None:
             ready += resampler.resample(frame)

@@ -22,9 +22,9 @@ _TO_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND | _FULL_CHROMA
 _FROM_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND
 
 # AVColorSpace (H.273 MatrixCoefficients) as tagged on a frame -> our name. Everything else counts as untagged.
-_TAGGED = {1: "bt709", 4: "fcc", 5: "bt601", 6: "bt601", 7: "smpte240m", 9: "bt2020", 10: "bt2020"}
+_TAGGED_MATRICES = {1: "bt709", 4: "fcc", 5: "bt601", 6: "bt601", 7: "smpte240m", 9: "bt2020", 10: "bt2020"}
 # Our name -> swscale's SWS_CS_* number (PyAV 17 does not name them all).
-_SWS = {"bt709": 1, "fcc": 4, "bt601": 5, "smpte240m": 7, "bt2020": 9}
+_SWS_NUMBERS = {"bt709": 1, "fcc": 4, "bt601": 5, "smpte240m": 7, "bt2020": 9}
 # Our name -> weights of red and blue in luma (H.273, MatrixCoefficients).
 _LUMA_WEIGHTS = {
     "bt709": (0.2126, 0.0722),
@@ -43,7 +43,7 @@ def matrix_of(frame: av.VideoFrame) -> str:
     """
     if frame.format.is_rgb:
         return "rgb"
-    return _TAGGED.get(frame.colorspace, "bt601" if min(frame.width, frame.height) < 720 else "bt709")
+    return _TAGGED_MATRICES.get(frame.colorspace, "bt601" if min(frame.width, frame.height) < 720 else "bt709")
 
 
 def is_full_range(frame: av.VideoFrame) -> bool:
@@ -100,8 +100,8 @@ class ToRGB:
             width,
             height,
             format=form,
-            src_colorspace=_SWS.get(matrix_of(frame)),
-            dst_colorspace=_SWS.get(matrix_of(frame)) if form.startswith("yuv") else None,
+            src_colorspace=_SWS_NUMBERS.get(matrix_of(frame)),
+            dst_colorspace=_SWS_NUMBERS.get(matrix_of(frame)) if form.startswith("yuv") else None,
             src_color_range=ColorRange.JPEG if is_full_range(frame) else ColorRange.MPEG,
             dst_color_range=range,
             interpolation=_TO_RGB,
@@ -165,7 +165,7 @@ class FromRGB:
         return self._reformatter.reformat(
             frame,
             format=self._pix_fmt,
-            dst_colorspace=_SWS["bt709"],
+            dst_colorspace=_SWS_NUMBERS["bt709"],
             src_color_range=ColorRange.JPEG,
             dst_color_range=ColorRange.MPEG,
             interpolation=_FROM_RGB,

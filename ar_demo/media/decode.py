@@ -14,7 +14,7 @@ from av.video.stream import VideoStream
 from ..errors import InputError
 
 # FFmpeg opens pictures and even plain text as "video"; none of these is a clip.
-_NOT_CLIPS = {"tty", "image2", "lrc", "srt", "ass", "webvtt"}
+_NOT_CLIP_FORMATS = {"tty", "image2", "lrc", "srt", "ass", "webvtt"}
 # FFmpeg's own VP8/VP9 decoders drop the alpha plane; libvpx keeps it.
 _ALPHA_DECODERS = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
@@ -38,7 +38,7 @@ def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
     except (av.FFmpegError, OSError, ValueError) as error:
         raise InputError(f"{path} is not a video that FFmpeg can read, or is damaged at its start") from error
     try:
-        if container.format.name in _NOT_CLIPS or container.format.name.endswith("_pipe"):
+        if container.format.name in _NOT_CLIP_FORMATS or container.format.name.endswith("_pipe"):
             raise InputError(f"{path} is not a video: give an MP4, MOV, MKV, WebM, AVI or another video file")
         streams = [s for s in container.streams.video if not s.disposition & av.stream.Disposition.attached_pic]
         if not streams:

@@ -19,7 +19,7 @@ from . import color
 from .decode import Clock, decode, frame_rate, open_video
 from .reader import Frame
 
-TIMEOUT = 10.0  # seconds without an answer after which a network source counts as gone
+TIMEOUT_SECONDS = 10.0  # seconds without an answer after which a network source counts as gone
 
 
 class Stream(AbstractContextManager["Stream"]):
@@ -95,7 +95,7 @@ class Stream(AbstractContextManager["Stream"]):
         """Ends the thread and closes the source; calling again does nothing."""
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join(TIMEOUT)
+            self._thread.join(TIMEOUT_SECONDS)
         if not self._thread.is_alive():  # else it is stuck in the driver, and goes with the process
             self._newest = None
             self._frames.close()  # before what it decodes from goes
@@ -150,7 +150,7 @@ def _open(source: str) -> tuple[InputContainer, VideoStream, bool]:
     elif source.startswith("rtsp"):
         where = {"options": {"rtsp_transport": "tcp"}}
     try:
-        container = av.open(target, timeout=TIMEOUT if "://" in source else None, **where)
+        container = av.open(target, timeout=TIMEOUT_SECONDS if "://" in source else None, **where)
     except (av.FFmpegError, OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot open {source} ({reason.lower()}): check the camera or the address") from error

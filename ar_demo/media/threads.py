@@ -22,7 +22,9 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 P = ParamSpec("P")
 
-DEPTH = 3  # items that wait between two threads: evens out their paces, and is little memory (a 4K frame has 25 MB)
+QUEUE_DEPTH = (
+    3  # items that wait between two threads: evens out their paces, and is little memory (a 4K frame has 25 MB)
+)
 
 
 class _End:
@@ -33,7 +35,7 @@ class _End:
 
 
 @contextmanager
-def ahead(items: Iterable[T], depth: int = DEPTH) -> Iterator[Iterator[T]]:
+def ahead(items: Iterable[T], depth: int = QUEUE_DEPTH) -> Iterator[Iterator[T]]:
     """Runs an iterator in a thread of its own, up to `depth` items ahead of whoever takes them.
 
     What the iterator raises is raised, the same object, where the item would have come. Leaving the context, at the
@@ -93,7 +95,7 @@ def ahead(items: Iterable[T], depth: int = DEPTH) -> Iterator[Iterator[T]]:
 
 
 @contextmanager
-def behind(function: Callable[P, object], depth: int = DEPTH) -> Iterator[Callable[P, None]]:
+def behind(function: Callable[P, object], depth: int = QUEUE_DEPTH) -> Iterator[Callable[P, None]]:
     """Runs calls of a function in a thread of its own, in their order, up to `depth` calls behind whoever makes them.
 
     What the function raises ends the work: the same object is raised at the next call, or when the context ends.

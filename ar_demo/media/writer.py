@@ -39,11 +39,11 @@ CONTAINERS = {
 }
 DEFAULT_CRF = 18  # visually lossless in H.264
 # Pixel formats of 8 bits by preference, or what codecs have that know none; the second row keeps odd sizes.
-_EVEN = ("yuv420p", "yuv422p", "yuv422p10le", "yuv444p", "gbrp", "rgb24")
-_ODD = ("yuv444p", "yuv444p10le", "gbrp", "rgb24")
+_EVEN_FORMATS = ("yuv420p", "yuv422p", "yuv422p10le", "yuv444p", "gbrp", "rgb24")
+_ODD_FORMATS = ("yuv444p", "yuv444p10le", "gbrp", "rgb24")
 # The same of more bits.
-_EVEN_DEEP = ("yuv420p{depth}le", "yuv422p{depth}le", "yuv444p{depth}le", "gbrp{depth}le")
-_ODD_DEEP = ("yuv444p{depth}le", "gbrp{depth}le")
+_EVEN_DEEP_FORMATS = ("yuv420p{depth}le", "yuv422p{depth}le", "yuv444p{depth}le", "gbrp{depth}le")
+_ODD_DEEP_FORMATS = ("yuv444p{depth}le", "gbrp{depth}le")
 _DEEP_CODECS = ("libx264", "libx265", "libsvtav1", "libvpx-vp9", "prores_ks", "ffv1")  # proposed for more bits
 _AVCOL_RGB, _AVCOL_BT709 = 0, 1  # H.273's numbers; BT.709 is 1 as matrix, primaries and transfer alike
 
@@ -295,9 +295,9 @@ def _offered(codec: str) -> set[str]:
 
 def _preferred(offered: set[str], odd: bool, depth: int) -> str | None:
     if depth == 8:
-        wanted: tuple[str, ...] = _ODD if odd else _EVEN
+        wanted: tuple[str, ...] = _ODD_FORMATS if odd else _EVEN_FORMATS
     else:
-        wanted = tuple(name.format(depth=depth) for name in (_ODD_DEEP if odd else _EVEN_DEEP))
+        wanted = tuple(name.format(depth=depth) for name in (_ODD_DEEP_FORMATS if odd else _EVEN_DEEP_FORMATS))
     return next((name for name in wanted if name in offered), None)
 
 

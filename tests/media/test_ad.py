@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from ar_demo.media.ad import open_ad
+from hdn.errors import InputError
 
 from .. import clips
 from ..videos import number_shown
@@ -49,6 +50,21 @@ def test_stills(tmp_path: Path, suffix: str) -> None:
 def test_a_still_never_ends(tmp_path: Path, playback: Any) -> None:
     picture(RED).save(tmp_path / "a.png")
     assert open_ad(tmp_path / "a.png", playback).at(Fraction(10**6)) is not None
+
+
+def test_print_colours(tmp_path: Path) -> None:
+    Image.new("CMYK", (32, 24), (0, 200, 200, 0)).save(tmp_path / "c.jpg", quality=100)
+    image = open_ad(tmp_path / "c.jpg").at(Fraction(0))
+    assert image is not None
+    assert image.shape == (24, 32, 3)
+    assert np.abs(image.astype(int) - (255, 55, 55)).max() <= 3
+
+
+def test_an_image_too_large_to_be_meant_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    picture(RED).save(tmp_path / "a.png")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    with pytest.raises(InputError, match=r"a\.png"):
+        open_ad(tmp_path / "a.png")
 
 
 @pytest.mark.parametrize("suffix", ["gif", "webp", "png"])
