@@ -111,7 +111,7 @@ class ToRGB:
     def _deep(self, frame: av.VideoFrame, width: int, height: int) -> Picture:
         """16 bits per sample. YUV of more than 8 bits is multiplied out here, for swscale wraps saturated colours."""
         depth, matrix, full = depth_of(frame), matrix_of(frame), is_full_range(frame)
-        if depth == 8:
+        if depth <= 8:
             return self._reformat(frame, width, height, "rgb24", ColorRange.JPEG) * np.uint16(257)
         if matrix == "rgb":
             return self._reformat(frame, width, height, "rgb48le", ColorRange.JPEG)
