@@ -13,9 +13,8 @@ from hdn.imaging.arrays import Array, Grey, Image
 from hdn.imaging.blur import blurred, equalising_blurs, relative_blur
 from hdn.imaging.homography import derivative, from_corners, transform, translation
 from hdn.imaging.pyramid import Pyramid
-from hdn.imaging.quads import outline
+from hdn.imaging.quads import is_drawable, outline
 
-from ..compositing.raster import is_drawable
 from . import light as relighting
 from . import occlusion
 from .light import GRID, Floats, Light, grey
