@@ -15,6 +15,7 @@ from hdn import Observation
 from hdn.imaging.arrays import Array
 from hdn.state import STATES, State
 
+from .compositing.compositor import open_compositor
 from .errors import InputError
 from .media.live_stream import Stream
 from .media.reader import Frame
@@ -103,10 +104,11 @@ class LiveSession:
         cuts, frames, began = CutDetector(), 0, 0.0
         with ExitStack() as stack:
             stream = stack.enter_context(Stream(self.source))
+            compositor = stack.enter_context(open_compositor(options.backend))
             targets = []
             for surface in self.surfaces:
                 assert surface.quad is not None
-                painter = Painter(surface, surface.quad, (stream.width, stream.height), options.backend)
+                painter = Painter(surface, surface.quad, (stream.width, stream.height), compositor)
                 targets.append(_Target(surface, make_tracker(), stack.enter_context(painter)))
             writer = _open_output(output, stream, options)
             stack.enter_context(writer)
@@ -134,7 +136,7 @@ class LiveSession:
             frames,
             total(target.counts for target in targets),
             seconds,
-            targets[0].painter.description,
+            compositor.description,
             stream.warnings,
             [{"ad": target.surface.name, "states": target.counts} for target in targets],
             stream.dropped,

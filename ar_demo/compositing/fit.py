@@ -1,17 +1,31 @@
 """How an ad of one shape is fitted to a surface of another."""
 
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
 
+from hdn.imaging.arrays import Array
+from hdn.imaging.homography import unit_to_quad
+from hdn.imaging.quads import is_drawable
+
+from ..choices import Fit
 from ..errors import InputError
-from .raster import Floats, Region, is_drawable, unit_to_quad
-
-FOCAL_RANGE = (0.5, 2.5)  # focal lengths in frame widths that cameras have: 90 to 23 degrees of view
-COMMON_FOCAL = 0.9  # 58 degrees, a phone's main camera
+from .raster import Region
 
 
-def fit_region(fit: Literal["stretch", "contain", "cover"], ad_aspect: float, quad_aspect: float) -> Region:
+@dataclass(frozen=True)
+class CameraModel:
+    """Focal lengths in frame widths."""
+
+    shortest: float = 0.5  # 90 degrees of view
+    longest: float = 2.5  # 23 degrees
+    common: float = 0.9  # 58 degrees, a phone's main camera
+
+
+CAMERA = CameraModel()
+
+
+def fit_region(fit: Fit, ad_aspect: float, quad_aspect: float) -> Region:
     """The region that fits an ad to a surface: distorted, whole with transparent bars, or cropped; centred.
 
     Args:
@@ -35,7 +49,7 @@ def fit_region(fit: Literal["stretch", "contain", "cover"], ad_aspect: float, qu
     return (0.5 - width / 2, 0.5 - height / 2, 0.5 + width / 2, 0.5 + height / 2)
 
 
-def quad_aspect(quad: Floats, frame_size: tuple[int, int] | None = None) -> float:
+def quad_aspect(quad: Array, frame_size: tuple[int, int] | None = None) -> float:
     """Width / height of the flat rectangle that a quad shows.
 
     The sides of a slanted rectangle are foreshortened, so their lengths mislead: by 23% on average over random views,
@@ -62,6 +76,7 @@ def quad_aspect(quad: Floats, frame_size: tuple[int, int] | None = None) -> floa
     h_x, h_y, _ = unit_to_quad((quad - (np.array(frame_size) - 1) / 2) / unit).T
     converging = h_x[2] * h_y[2]
     focal_squared = -(h_x[:2] @ h_y[:2]) / converging if converging else 0.0
-    focal = np.sqrt(focal_squared) if FOCAL_RANGE[0] ** 2 < focal_squared < FOCAL_RANGE[1] ** 2 else COMMON_FOCAL
+    known = CAMERA.shortest**2 < focal_squared < CAMERA.longest**2
+    focal = np.sqrt(focal_squared) if known else CAMERA.common
     camera = np.array([focal, focal, 1.0])
     return float(np.linalg.norm(h_x / camera) / np.linalg.norm(h_y / camera))

@@ -8,6 +8,7 @@ from typing import Any
 from hdn.imaging.arrays import Image
 
 from ..choices import Backend
+from ..compositing.compositor import Compositor, open_compositor
 from ..errors import InputError
 from ..media.reader import Frame, VideoReader
 from ..scene.conditions import Appearance, Conditions
@@ -21,12 +22,12 @@ class _Drawn:
     """A tracked surface on its way into frames.
 
     Raises:
-        InputError: no ad, or not one that can be read. RunError: the backend is not available.
+        InputError: no ad, or not one that can be read.
     """
 
-    def __init__(self, surface: Surface, track: Track, reader: VideoReader, backend: Backend) -> None:
+    def __init__(self, surface: Surface, track: Track, reader: VideoReader, compositor: Compositor) -> None:
         self.track = track
-        self.painter = Painter(surface, track.quad, (reader.info.width, reader.info.height), backend)
+        self.painter = Painter(surface, track.quad, (reader.info.width, reader.info.height), compositor)
         self._poses, self._opacities = presentation(track, surface)
         self._appearance: Appearance | None = None
         if surface.in_scene:
@@ -64,10 +65,11 @@ class Renderer(AbstractContextManager["Renderer"]):
         self._reader = reader
         self._drawn: list[_Drawn] = []
         with ExitStack() as opened:  # closed where one of them fails
+            self._compositor = opened.enter_context(open_compositor(backend))
             for surface in surfaces:
                 if surface.track is None:
                     raise InputError("a surface has no track yet: track it first")
-                drawn = _Drawn(surface, surface.track, reader, backend)
+                drawn = _Drawn(surface, surface.track, reader, self._compositor)
                 opened.enter_context(drawn.painter)
                 self._drawn.append(drawn)
             self._opened = opened.pop_all()
@@ -78,7 +80,7 @@ class Renderer(AbstractContextManager["Renderer"]):
     @property
     def description(self) -> str:
         """What draws: backend and renderer."""
-        return self._drawn[0].painter.description
+        return self._compositor.description
 
     @property
     def length(self) -> int:

@@ -274,7 +274,7 @@ def test_ctrl_c_leaves_no_broken_file(
     def interrupted(*args: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ar_demo.compositing.opencv.CvCompositor.composite", interrupted)
+    monkeypatch.setattr("ar_demo.compositing.opencv.CvCompositor.draw", interrupted)
     code, _, err = run(
         clip, ad, *quad_arguments(truth[0]), "-o", tmp_path / "o.mp4", "--end", 2, "--backend", "opencv", "--quiet"
     )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import ar_demo
+from ar_demo.compositing.opencv import CvCompositor
 from ar_demo.media.reader import VideoReader
 from ar_demo.options import OutputOptions
 from ar_demo.rendering.painting import Painter
@@ -218,7 +219,8 @@ RED = np.array([200.0, 60, 30])
 
 def draw(ad: Path, frame: np.ndarray, conditions: Conditions | None, **options: object) -> np.ndarray:
     drawn = frame.copy()
-    with Painter(Surface(ad, **options), SCENE.quad, (640, 480), "opencv") as painter:  # type: ignore[arg-type]
+    surface = Surface(ad, **options)  # type: ignore[arg-type]
+    with CvCompositor() as compositor, Painter(surface, SCENE.quad, (640, 480), compositor) as painter:
         painter.draw(drawn, SCENE.quad, 1.0, Fraction(0), conditions)
     return drawn.astype(np.float64)
 

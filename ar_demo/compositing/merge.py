@@ -1,0 +1,181 @@
+"""Lay a layer on a frame: blurred, blended and hidden as it is to be.
+
+Tile by tile, so that what is worked out stays in the cache; in float, with one rounding at the end, but where an 8 bit
+layer is laid on as it is.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from hdn.imaging.arrays import Array, Floats, Image
+from hdn.imaging.blur import blurred
+
+from ..choices import Blend
+from ..scene.occlusion import Occluder
+from .blend import BLENDS
+from .layer import Box, Frame, Layer, as_box, in_float, peak
+
+TILE = (256, 128)  # px, width and height: fits the cache
+
+
+@dataclass(frozen=True)
+class BlurModel:
+    """How a layer is blurred."""
+
+    least_variance: float = 0.05  # px^2 of the frame, below which blur is not seen
+    added_variance: float = 0.2  # px^2, in all directions: a thinner Gaussian would fall between the pixels
+    reach: float = 3.0  # standard deviations, after which next to nothing is left of a Gaussian
+
+
+BLUR = BlurModel()
+
+
+def merge(
+    frame: Frame,
+    layer: Layer,
+    blend: Blend = "normal",
+    opacity: float = 1.0,
+    blur: Array | None = None,
+    occluder: Occluder | None = None,
+) -> None:
+    """Lays a layer on a frame, in place.
+
+    Args:
+        frame: (H, W, 3), C-contiguous.
+        layer: what is laid on it.
+        blend: what the layer's colour becomes over the frame's, see `blend`.
+        opacity: 0..1, multiplies the layer's alpha.
+        blur: (2, 2) px^2 of the frame, covariance of the Gaussian that the layer is blurred by.
+        occluder: what lies over the layer, where there is one.
+    """
+    if not opacity > 0:
+        return
+    if blur is not None and np.linalg.eigvalsh(blur).max() > BLUR.least_variance:
+        layer = blurred_layer(layer, blur, frame.shape[:2])
+    plain = blend == "normal" and opacity >= 1
+    for tile, rgba in _tiles(layer):
+        part = frame[tile]
+        hiding = _Hiding.of(occluder, tile)
+        if not plain or hiding is not None:
+            _lay(part, rgba, blend, min(opacity, 1.0), hiding)
+        elif part.dtype == rgba.dtype == np.uint8:
+            _lay_exactly(part, rgba)
+        else:
+            _lay_deep(part, rgba)
+
+
+def blurred_layer(layer: Layer, covariance: Array, frame_shape: tuple[int, int]) -> Layer:
+    """A layer blurred by a covariance (2, 2), px^2, colour and alpha alike; it grows by the blur's reach."""
+    reach = int(np.ceil(BLUR.reach * np.sqrt(np.linalg.eigvalsh(covariance).max())))
+    rows, columns = layer.box
+    top, left = max(rows.start - reach, 0), max(columns.start - reach, 0)
+    bottom, right = min(rows.stop + reach, frame_shape[0]), min(columns.stop + reach, frame_shape[1])
+    rgba = np.zeros((bottom - top, right - left, 4), np.float32)
+    inner = rgba[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
+    inner[:] = in_float(layer.rgba)
+    return Layer(as_box(left, top, right, bottom), blurred(rgba, covariance + BLUR.added_variance * np.eye(2)))
+
+
+def _tiles(layer: Layer) -> Iterator[tuple[Box, Image | Floats]]:
+    """Parts of the frame, and the layer's pixels there."""
+    rows, columns = layer.box
+    for top in range(rows.start, rows.stop, TILE[1]):
+        for left in range(columns.start, columns.stop, TILE[0]):
+            tile = as_box(left, top, min(left + TILE[0], columns.stop), min(top + TILE[1], rows.stop))
+            yield tile, layer.rgba[_within(tile, layer.box)]
+
+
+def _lay_exactly(part: Frame, rgba: Image | Floats) -> None:
+    """Lays 8 bit premultiplied RGBA (h, w, 4) on an 8 bit part of a frame (h, w, 3): colour + (1 - alpha) part."""
+    pixels = rgba.view(np.uint32)  # one number a pixel, whose highest byte is alpha in little-endian order
+    if pixels.min() >= 0xFF000000:
+        cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB, dst=part)
+    elif pixels.max() > 0:
+        kept = cv2.cvtColor(cv2.bitwise_not(cv2.extractChannel(rgba, 3)), cv2.COLOR_GRAY2RGB)
+        cv2.multiply(part, kept, dst=kept, scale=1 / 255)
+        cv2.add(kept, cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), dst=part)
+
+
+def _lay_deep(part: Frame, rgba: Image | Floats) -> None:
+    """The same for other depths, rounded once."""
+    alpha = cv2.extractChannel(rgba, 3)
+    lowest, highest, _, _ = cv2.minMaxLoc(alpha)
+    if highest <= 0:
+        return
+    unit = peak(rgba.dtype)
+    result = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
+    if lowest < unit:
+        kept = cv2.cvtColor(1 - in_float(alpha), cv2.COLOR_GRAY2RGB)
+        behind = cv2.multiply(part, kept, scale=unit / peak(part.dtype), dtype=cv2.CV_32F)
+        result = cv2.add(result, behind, dtype=cv2.CV_32F)
+    _store(result, unit, part)
+
+
+@dataclass(frozen=True)
+class _Hiding:
+    """What an occluder does to a tile, (h, w, 3) each, colours 0..1; see `Occluder`."""
+
+    share: Floats
+    colour: Floats
+    behind: Floats
+
+    @staticmethod
+    def of(occluder: Occluder | None, tile: Box) -> "_Hiding | None":
+        """None where there is none, or the tile is beside its box."""
+        if occluder is None or (shared := _overlap(tile, occluder.box)) is None:
+            return None
+        hiding = _Hiding(*(np.zeros((*_shape(tile), 3), np.float32) for _ in range(3)))
+        source, target = _within(shared, occluder.box), _within(shared, tile)
+        hiding.share[target] = occluder.share[source]
+        hiding.colour[target] = occluder.colour[source] * np.float32(1 / 255)
+        hiding.behind[target] = occluder.behind[source] * np.float32(1 / 255)
+        return hiding
+
+
+def _lay(part: Frame, rgba: Image | Floats, blend: Blend, opacity: float, hiding: _Hiding | None) -> None:
+    """Lays premultiplied RGBA (h, w, 4) on a part of a frame (h, w, 3) in whatever way, rounded once."""
+    rgba = in_float(rgba)
+    colour = np.asarray(cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), np.float32)
+    alpha = np.asarray(cv2.cvtColor(cv2.extractChannel(rgba, 3), cv2.COLOR_GRAY2RGB), np.float32)
+    ground = in_float(part)
+    if blend != "normal":
+        # With an opaque backdrop, W3C's formula comes to alpha B(cb, cs) + (1 - alpha) cb.
+        own = np.clip(np.divide(colour, alpha, out=np.zeros_like(colour), where=alpha > 0), 0, 1)
+        behind = ground if hiding is None else np.where(hiding.share > 0, hiding.behind, ground)
+        colour = alpha * BLENDS[blend](behind, own)
+    if hiding is not None:
+        # The occluder lies atop the layer (Porter and Duff's operator): beside it, there is the frame already.
+        colour = colour * (1 - hiding.share) + alpha * hiding.colour
+    shown = np.float32(opacity)
+    _store(ground * (1 - shown * alpha) + shown * colour, 1.0, part)
+
+
+def _store(values: Image | Floats, unit: float, part: Frame) -> None:
+    """Writes values, of which `unit` is white, to a part of a frame, rounded and clipped."""
+    if part.dtype == np.uint8:
+        cv2.convertScaleAbs(cv2.max(values, 0.0), dst=part, alpha=255 / unit)
+    else:
+        top = peak(part.dtype)
+        part[:] = np.rint(np.clip(values * np.float32(top / unit), 0, top))
+
+
+def _overlap(a: Box, b: Box) -> Box | None:
+    """What two boxes share; None for nothing."""
+    top, left = max(a[0].start, b[0].start), max(a[1].start, b[1].start)
+    bottom, right = min(a[0].stop, b[0].stop), min(a[1].stop, b[1].stop)
+    return as_box(left, top, right, bottom) if top < bottom and left < right else None
+
+
+def _shape(box: Box) -> tuple[int, int]:
+    rows, columns = box
+    return rows.stop - rows.start, columns.stop - columns.start
+
+
+def _within(inner: Box, outer: Box) -> Box:
+    """A box of the frame as rows and columns of a box that contains it."""
+    rows, columns = inner
+    top, left = outer[0].start, outer[1].start
+    return slice(rows.start - top, rows.stop - top), slice(columns.start - left, columns.stop - left)
