@@ -1,5 +1,6 @@
 # make demo   sets up .venv and renders the shipped demo to demo.mp4
 # make test   sets up .venv and runs the checks and the whole test suite
+# make test-matrix   runs the suite under four instruction sets, each in another order
 # make benchmarks [CLIPS=folder]   measures what code or weights have changed for, and writes docs/benchmarks.md
 #
 # Only the tests, training and CUDA take PyTorch. On Linux, PyPI's brings CUDA; name another build to spare the gigabytes:
@@ -20,6 +21,9 @@ test: .venv/installed-dev
 	$(BIN)/mypy
 	$(BIN)/python -m pytest
 
+test-matrix: .venv/installed-dev
+	$(BIN)/python -m tests.matrix
+
 benchmarks: .venv/installed-dev
 	$(BIN)/python -m ar_demo.evaluation.report $(CLIPS)
 
@@ -36,4 +40,4 @@ benchmarks: .venv/installed-dev
 clean:
 	rm -rf .venv
 
-.PHONY: demo test benchmarks clean
+.PHONY: demo test test-matrix benchmarks clean

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
 
-from hdn.imaging.arrays import Image
+from hdn.imaging.arrays import Picture
 from hdn.state import STATES, State
 
 
@@ -16,15 +16,15 @@ class Progress:
         stage: what is being done, as 'track' or 'render'.
         done, total: frames done in this stage, and in all; None where that is not known.
         states: of the surfaces in this frame, in their order; None for one that is not looked at now.
-        preview: the frame, RGB (H, W, 3), with the ads where they are drawn already; not to be written to, and only
-            valid during the call: copy what is kept.
+        preview: the frame, RGB (H, W, 3), uint8, or uint16 where that is the output's depth; with the ads where they
+            are drawn already. Not to be written to, and only valid during the call: copy what is kept.
     """
 
     stage: str
     done: int
     total: int | None = None
     states: tuple[State | None, ...] = ()
-    preview: Image | None = None
+    preview: Picture | None = None
 
     @property
     def state(self) -> State | None:
@@ -51,5 +51,5 @@ class Stage:
         """Args: done: frames that are done already."""
         self._listener, self._name, self._total, self._numbers = listener, name, total, count(done + 1)
 
-    def __call__(self, states: tuple[State | None, ...] = (), preview: Image | None = None) -> None:
+    def __call__(self, states: tuple[State | None, ...] = (), preview: Picture | None = None) -> None:
         self._listener(Progress(self._name, next(self._numbers), self._total, states, preview))

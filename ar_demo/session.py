@@ -112,7 +112,9 @@ class Session(AbstractContextManager["Session"]):
         started, info = time.perf_counter(), self.reader.info
         heard = next((surface for surface in surfaces if surface.ad is not None), surfaces[0])
         audio = Audio(options.audio, self.reader.path, Path(heard.ad) if heard.ad else None, heard.playback)
+        deep = options.depth == "source" and info.depth > 8
         with (
+            VideoReader(self.reader.path, depth=16 if deep else 8) as reader,
             Renderer(self.reader, surfaces, options.backend) as renderer,
             VideoWriter(
                 output,
@@ -124,8 +126,9 @@ class Session(AbstractContextManager["Session"]):
                 audio=audio,
                 time_base=info.time_base,
                 pixel_aspect=info.pixel_aspect,
+                depth=info.depth if deep else 8,
             ) as writer,
-            ahead(self.reader.frames(0, renderer.length)) as frames,
+            ahead(reader.frames(0, renderer.length)) as frames,
             behind(writer.write) as write,
         ):
             length, count = renderer.length, 0
@@ -134,7 +137,9 @@ class Session(AbstractContextManager["Session"]):
                 write(frame.image, frame.time, frame.duration)
                 count += 1
                 show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.image)
-            warnings = [warning for track in tracks for warning in track.warnings] + self.reader.warnings
+            warnings = (
+                [warning for track in tracks for warning in track.warnings] + self.reader.warnings + reader.warnings
+            )
             if count < length:
                 warnings.append(
                     f"{self.reader.path} has only {count} of the track's {length} frames: the rest is left out"

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -11,6 +12,8 @@ import pytest
 
 from ar_demo import OutputOptions, Progress, Session, Stopped, Surface, TrackingOptions
 from ar_demo.errors import InputError
+from ar_demo.media.reader import VideoReader
+from ar_demo.media.writer import VideoWriter
 from hdn import Estimate, Observation
 from hdn.evidence import Evidence
 from hdn.imaging.arrays import Array
@@ -141,3 +144,28 @@ def test_a_surface_without_a_track_is_not_rendered(clip: Path, ad: Path, tmp_pat
     with Session(clip) as session, pytest.raises(InputError, match="track it first"):
         session.render([Surface(ad, Scene().quad)], tmp_path / "o.mp4", OPENCV)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_source_of_10_bits_stays_so_where_that_is_asked_for(ad: Path, tmp_path: Path) -> None:
+    """A ramp that only 10 bits can show, with an ad in its middle."""
+    ramp = np.linspace(4000, 60000, 960).astype(np.uint16)
+    image = np.repeat(np.repeat(ramp[None, :, None], 240, 0), 3, 2)
+    clip = tmp_path / "deep.mp4"
+    with VideoWriter(clip, 960, 240, Fraction(25), codec="libx265", crf=4, depth=10) as writer:
+        for index in range(4):
+            writer.write(image, Fraction(index, 25))
+    quad = np.array([[400.0, 60], [560, 62], [558, 180], [402, 178]])
+    levels = {}
+    for depth in ("8", "source"):
+        out = tmp_path / f"{depth}.mp4"
+        with Session(clip, make_tracker=Still) as session:
+            assert session.reader.info.depth == 10
+            surfaces = session.track([Surface(ad, quad)])
+            session.render(surfaces, out, OutputOptions(backend="opencv", codec="libx265", crf=4, depth=depth))  # type: ignore[arg-type]
+        with VideoReader(out, depth=16) as reader:
+            assert reader.info.depth == (8 if depth == "8" else 10)
+            last = [frame.image for frame in reader.frames()][-1].astype(int)
+        levels[depth] = len(np.unique(last[10, :, 1]))
+        assert np.abs(last[10, :, 1] - ramp).max() < 900  # outside the ad the picture is the source's
+        assert np.abs(last[100:140, 450:510].astype(int) - image[100:140, 450:510]).mean() > 3000
+    assert levels["8"] < 260 < 600 < levels["source"]

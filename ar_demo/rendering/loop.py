@@ -5,7 +5,9 @@ from contextlib import AbstractContextManager, ExitStack
 from fractions import Fraction
 from typing import Any
 
-from hdn.imaging.arrays import Image
+import numpy as np
+
+from hdn.imaging.arrays import Image, Picture
 
 from ..choices import Backend
 from ..compositing.compositor import Compositor, open_compositor
@@ -50,6 +52,11 @@ class _Drawn:
             self.painter.draw(frame.image, pose, opacity, elapsed, conditions)
 
 
+def in_8_bits(image: Picture) -> Image:
+    """A frame (H, W, 3), uint8 or uint16, as what looks at it takes it: the same array where it has 8 bits already."""
+    return np.asarray(image if image.dtype == np.uint8 else image >> 8, np.uint8)
+
+
 class Renderer(AbstractContextManager["Renderer"]):
     """Draws ads onto the tracked surfaces of a video; later ones lie over earlier ones."""
 
@@ -88,10 +95,11 @@ class Renderer(AbstractContextManager["Renderer"]):
         return max(len(drawn.track) for drawn in self._drawn)
 
     def draw(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """Frames from the video, in their order, with the ads on them: they are drawn into in place."""
+        """Frames from the video, of 8 or 16 bits, with the ads on them: they are drawn into in place."""
         zero = self._reader.times[0]
         for frame in frames:
-            seen = [drawn.conditions(frame.index, frame.image) for drawn in self._drawn]  # before anything is drawn
+            image = in_8_bits(frame.image)
+            seen = [drawn.conditions(frame.index, image) for drawn in self._drawn]  # before anything is drawn
             for drawn, conditions in zip(self._drawn, seen, strict=True):
                 drawn.draw(frame, frame.time - zero, conditions)
             yield frame

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from hdn import Observation
 from hdn.better_template import TemplateBuilder
-from hdn.imaging.arrays import Array, Image
+from hdn.imaging.arrays import Array, Picture
 from hdn.imaging.homography import from_corners
 from hdn.state import State
 from hdn.tracker import Estimate as HdnEstimate
@@ -14,7 +14,7 @@ from .cuts import CutDetector
 from .protocol import PlanarTracker
 from .runs import Run
 
-Show = Callable[[tuple[State | None, ...], Image], None]
+Show = Callable[[tuple[State | None, ...], Picture], None]
 
 
 class Follower:
