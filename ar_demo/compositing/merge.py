@@ -156,7 +156,7 @@ def _lay(part: Frame, rgba: Image | Floats, blend: Blend, opacity: float, hiding
 def _store(values: Image | Floats, unit: float, part: Frame) -> None:
     """Writes values, of which `unit` is white, to a part of a frame, rounded and clipped."""
     if part.dtype == np.uint8:
-        cv2.convertScaleAbs(cv2.max(values, 0.0), dst=part, alpha=255 / unit)
+        cv2.convertScaleAbs(np.maximum(values, 0), dst=part, alpha=255 / unit)
     else:
         top = peak(part.dtype)
         part[:] = np.rint(np.clip(values * np.float32(top / unit), 0, top))

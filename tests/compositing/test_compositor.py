@@ -102,7 +102,8 @@ def drawn(compositor: Compositor, ad: Picture, quad: Array, **options: Any) -> I
 
 
 def as_depth(ad: Image, dtype: type) -> Picture:
-    return ad if dtype is np.uint8 else ad * (257 if dtype is np.uint16 else np.float32(1 / 255)).astype(dtype)
+    scale = {np.uint8: 1, np.uint16: 257, np.float32: 1 / 255}[dtype]
+    return np.multiply(ad, scale, dtype=np.float64).astype(dtype)
 
 
 @pytest.mark.parametrize("backend", ["egl", "osmesa"])
