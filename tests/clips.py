@@ -14,7 +14,8 @@ from av.video.reformatter import ColorRange, Interpolation
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
-Image = NDArray[np.uint8]
+from hdn.imaging.arrays import Image
+
 SOUND_RATE = 48000
 BT709, BT601, BT2020 = 1, 5, 9  # swscale's numbers
 

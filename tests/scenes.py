@@ -4,13 +4,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from hdn.imaging.arrays import Array
+from hdn.imaging.arrays import Array, Image
 from hdn.imaging.homography import from_corners, similarity, transform, translation
 from hdn.imaging.quads import square
-
-Image = NDArray[np.uint8]
 
 
 def texture(seed: int, width: int, height: int) -> Image:

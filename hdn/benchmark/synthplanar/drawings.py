@@ -2,13 +2,10 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
-from ...imaging.arrays import Image
-
-Floats = NDArray[np.float32]
+from ...imaging.arrays import Floats, Image
 
 # fmt: off
 WORDS = [
