@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...imaging.arrays import Array, Image
+from ...imaging.arrays import Array, Floats, Image
 from ...imaging.homography import translation
-from .drawings import Floats, noise
+from .drawings import noise
 
 WHITE = 255.0**2  # light of a pixel value of 255: values are roots of light, see render
 _SPOT = 65  # texels of a glare's width

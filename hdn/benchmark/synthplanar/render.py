@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...imaging.arrays import Array, Image
+from ...imaging.arrays import Array, Floats, Image
 from ...imaging.homography import transform, translation
 from ...imaging.quads import area
-from .drawings import Floats
 from .light import Light, Sensor
 from .motion import Trajectory, background_poses, plane_to_frame, to_setting
 
