@@ -9,12 +9,11 @@ import time
 
 import numpy as np
 
-from hdn.imaging.arrays import Array, Image
+from hdn.imaging.arrays import Array, Image, Picture
 
 from ..choices import Backend
 from ..errors import RunError
 from .compositor import Compositor, open_compositor
-from .layer import Picture
 from .merge import merge
 from .opencv import CvCompositor
 

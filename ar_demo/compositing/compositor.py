@@ -4,11 +4,11 @@ import logging
 from contextlib import AbstractContextManager
 from typing import Protocol, get_args
 
-from hdn.imaging.arrays import Array
+from hdn.imaging.arrays import Array, Picture
 
 from ..choices import Backend
 from ..errors import InputError, RunError
-from .layer import Layer, Picture
+from .layer import Layer
 from .opencv import CvCompositor
 from .opengl import GlCompositor, open_egl, open_osmesa
 from .raster import WHOLE, Region

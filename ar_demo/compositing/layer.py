@@ -6,10 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdn.imaging.arrays import Floats, Image
-
-Picture = Image | NDArray[np.uint16] | Floats
-"""(h, w, 3) RGB or (h, w, 4) RGBA with straight alpha; uint8 0..255, uint16 0..65535, or float32 0..1."""
+from hdn.imaging.arrays import Floats, Image, Picture
 
 Frame = Image | NDArray[np.uint16]
 """(H, W, 3) RGB, uint8 0..255 or uint16 0..65535."""

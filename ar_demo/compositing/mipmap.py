@@ -7,10 +7,10 @@ from typing import Generic, TypeVar
 import cv2
 import numpy as np
 
-from hdn.imaging.arrays import Floats, Image
+from hdn.imaging.arrays import Floats, Image, Picture
 
 from ..errors import InputError
-from .layer import Picture, in_float, peak
+from .layer import in_float, peak
 
 T = TypeVar("T")
 

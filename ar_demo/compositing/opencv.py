@@ -8,9 +8,9 @@ from contextlib import AbstractContextManager
 import cv2
 import numpy as np
 
-from hdn.imaging.arrays import Array, Floats, Image
+from hdn.imaging.arrays import Array, Floats, Image, Picture
 
-from .layer import Layer, Picture, as_box, peak
+from .layer import Layer, as_box, peak
 from .mipmap import Mipmap, PictureCache
 from .raster import WHOLE, Raster, Region, Sampling, Tile, rasterise
 

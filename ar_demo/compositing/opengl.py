@@ -12,11 +12,11 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from hdn.imaging.arrays import Array
+from hdn.imaging.arrays import Array, Picture
 from hdn.imaging.homography import translation
 
 from ..errors import RunError
-from .layer import Layer, Picture, as_box
+from .layer import Layer, as_box
 from .mipmap import Mipmap, PictureCache
 from .osmesa import OSMesaContext
 from .raster import WHOLE, Raster, Region, rasterise

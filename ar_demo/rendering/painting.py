@@ -7,14 +7,14 @@ from fractions import Fraction
 import cv2
 import numpy as np
 
-from hdn.imaging.arrays import Array, Floats
+from hdn.imaging.arrays import Array, Floats, Picture
 from hdn.imaging.homography import from_corners
 from hdn.imaging.quads import outline
 
 from ..compositing.compositor import Compositor
 from ..compositing.effects import outlined, texture
 from ..compositing.fit import fit_region, quad_aspect
-from ..compositing.layer import Frame, Layer, Picture, in_float
+from ..compositing.layer import Frame, Layer, in_float
 from ..compositing.merge import merge
 from ..compositing.raster import WHOLE
 from ..errors import InputError

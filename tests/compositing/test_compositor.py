@@ -15,11 +15,11 @@ from ar_demo.compositing import opengl as compositor_gl
 from ar_demo.compositing import osmesa
 from ar_demo.compositing.compositor import Compositor, open_compositor
 from ar_demo.compositing.fit import fit_region, quad_aspect
-from ar_demo.compositing.layer import Layer, Picture
+from ar_demo.compositing.layer import Layer
 from ar_demo.compositing.merge import merge
 from ar_demo.compositing.opengl import GlCompositor
 from hdn.errors import InputError, RunError
-from hdn.imaging.arrays import Array, Image
+from hdn.imaging.arrays import Array, Image, Picture
 
 WIDTH, HEIGHT = 200, 140
 
