@@ -116,7 +116,8 @@ class Surface:
         track: made earlier; it is tracked anew only around keyframes that it does not pass through.
         fit: how the ad's shape is brought to the surface's.
         playback: what a moving ad does when it is over: start again, hold its last frame, or go.
-        blend: how the ad's colours mix with those of the surface (W3C Compositing and Blending Level 1).
+        blend: how the ad's colours mix with those of the surface (W3C Compositing and Blending Level 1); in all modes
+            but 'normal' the light is the surface's own.
         opacity: 0..1.
         feather: px of the frame over which the ad's edge fades.
         lost: what the ad does while the surface is lost.

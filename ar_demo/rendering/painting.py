@@ -71,7 +71,9 @@ class Painter(AbstractContextManager["Painter"]):
         """
         if strength <= 0 or not np.isfinite(pose).all():
             return
-        layer = self.layer(image, pose, time, conditions.light if conditions else None)
+        # In all other modes the surface's colours, which have the light on them already, are part of what is seen.
+        light = conditions.light if conditions and self.surface.blend == "normal" else None
+        layer = self.layer(image, pose, time, light)
         if layer is not None:
             blur, occluder = (conditions.blur, conditions.occluder) if conditions else (None, None)
             merge(image, layer, self.surface.blend, strength, blur, occluder)

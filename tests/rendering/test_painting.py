@@ -150,6 +150,16 @@ def test_a_surface_is_blended_as_it_asks(compositor: Compositor, tmp_path: Path)
     assert frame[120, 155] == pytest.approx(frame_of()[120, 155] * [1, 128 / 255, 0], abs=0.51)
 
 
+def test_what_is_multiplied_is_in_the_light_of_the_surface_alone(compositor: Compositor, tmp_path: Path) -> None:
+    ad = ad_of(tmp_path / "r.png", (200, 30, 20))
+    dim = Light(np.full((GRID, GRID, 3), 0.25, np.float32), np.zeros((GRID, GRID), np.float32))
+    conditions = Conditions(dim, None, np.zeros((2, 2)))
+    frame = frame_of()
+    lit_once = painted(compositor, frame.copy(), conditions, ad=ad, blend="multiply")
+    np.testing.assert_array_equal(lit_once, painted(compositor, frame.copy(), ad=ad, blend="multiply"))
+    assert np.abs(painted(compositor, frame.copy(), conditions, ad=ad).astype(int) - lit_once).max() > 20
+
+
 def test_an_ad_is_needed(compositor: Compositor) -> None:
     with pytest.raises(InputError, match="no ad is given"):
         Painter(Surface(), QUAD, SIZE, compositor)
