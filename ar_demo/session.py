@@ -62,7 +62,10 @@ class Session(AbstractContextManager["Session"]):
         self.reader.close()
 
     def stop(self) -> None:
-        """Ends tracking or rendering before the next frame; may be called from any thread."""
+        """Ends tracking or rendering before the next frame, or the next that is begun; may be called from any thread.
+
+        Once it has ended something, the session can be used again.
+        """
         self._stop.set()
 
     def track(self, surfaces: Sequence[Surface], options: TrackingOptions | None = None) -> list[Surface]:

@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class StopSignal:
-    """Set once, by whichever thread; loops look at it before each frame."""
+    """Set by whichever thread; loops look at it before each frame. What it has stopped may be begun again."""
 
     def __init__(self) -> None:
         self.event = Event()
@@ -22,9 +22,10 @@ class StopSignal:
         """The items, until the signal is set.
 
         Raises:
-            Stopped: it is.
+            Stopped: it is; it counts as heeded then.
         """
         for item in items:
             if self.event.is_set():
+                self.event.clear()
                 raise Stopped("stopped before it was done: nothing was written")
             yield item
