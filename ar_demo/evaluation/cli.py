@@ -93,6 +93,7 @@ def evaluate_all(scenes: list[Scene], out: Path, weights: Path | None = None) ->
             for kind, row in rows.items():
                 _write(kept / f"{scene.name}-{kind}.png", row)
             _save(found, kept, made_of)
+            found = _load(scene, kept, made_of) or found  # rounded as it is kept, so that a table is the same next time
         scores.append(found)
     return scores
 
