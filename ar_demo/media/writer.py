@@ -126,7 +126,8 @@ class VideoWriter:
             self._discard()
             raise
         if crf is not None and "crf" in self._stream.codec_context.options:  # FFmpeg leaves what it did not use
-            log.warning("codec %s knows no crf: its own default quality is used", codec)
+            self._discard()
+            raise InputError(f"codec {codec} knows no crf: leave --crf out, or choose libx264, libx265 or libvpx-vp9")
 
     def __enter__(self) -> VideoWriter:
         return self

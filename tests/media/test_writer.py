@@ -4,6 +4,7 @@ import os
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -43,11 +44,10 @@ def test_even_sizes_play_everywhere(tmp_path: Path, caplog: pytest.LogCaptureFix
     assert caplog.text == ""
 
 
-def test_other_codecs(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_other_codecs(tmp_path: Path) -> None:
     chart = clips.color_chart(192, 144)
-    path = write(tmp_path / "p.mov", [chart], codec="prores_ks", crf=20)
+    path = write(tmp_path / "p.mov", [chart], codec="prores_ks")
     assert np.abs(clips.patch_colors(next(VideoReader(path).frames()).image) - clips.patch_colors(chart)).max() <= 3
-    assert "crf" in caplog.text
     with av.open(str(path)) as container:
         assert container.streams.video[0].codec_context.name == "prores"
 
@@ -86,13 +86,14 @@ def test_the_frame_may_be_changed_after_it_is_written(tmp_path: Path) -> None:
         ("a.mp4", {"codec": "aac"}, "aac"),
         ("a.webm", {"codec": "libx264"}, "libx264"),
         ("a.mp4", {"codec": "qtrle"}, "qtrle"),
+        ("a.mov", {"codec": "prores_ks", "crf": 20}, "knows no crf"),
     ],
 )
 def test_what_cannot_be_written_is_refused_before_any_work(
-    tmp_path: Path, name: str, options: dict[str, str], said: str
+    tmp_path: Path, name: str, options: dict[str, Any], said: str
 ) -> None:
     with pytest.raises(InputError, match=said) as caught:
-        VideoWriter(tmp_path / name, 96, 64, Fraction(25), **options)  # type: ignore[arg-type]
+        VideoWriter(tmp_path / name, 96, 64, Fraction(25), **options)
     assert "\n" not in str(caught.value)
     assert os.listdir(tmp_path) == []
 
