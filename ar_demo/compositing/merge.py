@@ -19,6 +19,7 @@ from .blend import BLENDS
 from .layer import Box, Frame, Layer, as_box, in_float, peak
 
 TILE = (256, 128)  # px, width and height: fits the cache
+DEPTHS = {"uint8": cv2.CV_8U, "uint16": cv2.CV_16U}  # of frames, as OpenCV names them
 
 
 @dataclass(frozen=True)
@@ -55,16 +56,15 @@ def merge(
         return
     if blur is not None and np.linalg.eigvalsh(blur).max() > BLUR.least_variance:
         layer = blurred_layer(layer, blur, frame.shape[:2])
-    plain = blend == "normal" and opacity >= 1
     for tile, rgba in _tiles(layer):
         part = frame[tile]
         hiding = _Hiding.of(occluder, tile)
-        if not plain or hiding is not None:
+        if blend != "normal" or hiding is not None:
             _lay(part, rgba, blend, min(opacity, 1.0), hiding)
-        elif part.dtype == rgba.dtype == np.uint8:
-            _lay_exactly(part, rgba)
+        elif opacity < 1 or not part.dtype == rgba.dtype == np.uint8:
+            _lay_over(part, rgba, min(opacity, 1.0))
         else:
-            _lay_deep(part, rgba)
+            _lay_exactly(part, rgba)
 
 
 def blurred_layer(layer: Layer, covariance: Array, frame_shape: tuple[int, int]) -> Layer:
@@ -99,19 +99,20 @@ def _lay_exactly(part: Frame, rgba: Image | Floats) -> None:
         cv2.add(kept, cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), dst=part)
 
 
-def _lay_deep(part: Frame, rgba: Image | Floats) -> None:
-    """The same for other depths, rounded once."""
+def _lay_over(part: Frame, rgba: Image | Floats, opacity: float) -> None:
+    """The same with an opacity, and at any depth, in float."""
+    white, unit = peak(part.dtype), peak(rgba.dtype)
     alpha = cv2.extractChannel(rgba, 3)
     lowest, highest, _, _ = cv2.minMaxLoc(alpha)
     if highest <= 0:
         return
-    unit = peak(rgba.dtype)
-    result = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
-    if lowest < unit:
-        kept = cv2.cvtColor(1 - in_float(alpha), cv2.COLOR_GRAY2RGB)
-        behind = cv2.multiply(part, kept, scale=unit / peak(part.dtype), dtype=cv2.CV_32F)
-        result = cv2.add(result, behind, dtype=cv2.CV_32F)
-    _store(result, unit, part)
+    colour = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
+    if lowest >= unit:
+        behind, share = part, 1 - opacity
+    else:
+        kept = cv2.cvtColor(np.subtract(1, alpha * (opacity / unit), dtype=np.float32), cv2.COLOR_GRAY2RGB)
+        behind, share = cv2.multiply(part, kept, dtype=cv2.CV_32F), 1.0
+    cv2.addWeighted(colour, opacity * white / unit, behind, share, 0, dst=part, dtype=DEPTHS[part.dtype.name])
 
 
 @dataclass(frozen=True)
@@ -149,17 +150,8 @@ def _lay(part: Frame, rgba: Image | Floats, blend: Blend, opacity: float, hiding
     if hiding is not None:
         # The occluder lies atop the layer (Porter and Duff's operator): beside it, there is the frame already.
         colour = colour * (1 - hiding.share) + alpha * hiding.colour
-    shown = np.float32(opacity)
-    _store(ground * (1 - shown * alpha) + shown * colour, 1.0, part)
-
-
-def _store(values: Image | Floats, unit: float, part: Frame) -> None:
-    """Writes values, of which `unit` is white, to a part of a frame, rounded and clipped."""
-    if part.dtype == np.uint8:
-        cv2.convertScaleAbs(np.maximum(values, 0), dst=part, alpha=255 / unit)
-    else:
-        top = peak(part.dtype)
-        part[:] = np.rint(np.clip(values * np.float32(top / unit), 0, top))
+    result = ground * (1 - opacity * alpha) + opacity * colour
+    cv2.addWeighted(result, peak(part.dtype), result, 0, 0, dst=part, dtype=DEPTHS[part.dtype.name])
 
 
 def _overlap(a: Box, b: Box) -> Box | None:

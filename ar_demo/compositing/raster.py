@@ -153,16 +153,19 @@ class Raster:
     def coverage(self, tile: Tile) -> Floats:
         """How much of each pixel of a tile the picture covers, (h, w), 0..1."""
         x, y = np.arange(tile.x0, tile.x1), np.arange(tile.y0, tile.y1)
-        sides = []
-        for a, b, c in self.ramps:
-            along, down = a * x, b * y + c
-            if min(along[0], along[-1]) + min(down[0], down[-1]) >= 1:
-                sides.append(np.ones((1, 1), np.float32))
-            else:
-                sides.append(np.clip(np.add.outer(down.astype(np.float32), along.astype(np.float32)), 0, 1))
-        top, right, bottom, left = sides
-        covered = np.maximum(top + bottom - 1, 0) * np.maximum(left + right - 1, 0)
-        return np.ascontiguousarray(np.broadcast_to(covered, (len(y), len(x))), np.float32)
+        covered = np.ones((len(y), len(x)), np.float32)
+        for pair in self.ramps[[[0, 2], [1, 3]]]:  # opposite edges
+            sides = []
+            for a, b, c in pair:
+                along, down = a * x, b * y + c
+                if min(along[0], along[-1]) + min(down[0], down[-1]) < 1:  # else all is well inside of it
+                    side = np.add.outer(down.astype(np.float32), along.astype(np.float32))
+                    sides.append(np.clip(side, 0, 1, out=side))
+            if len(sides) == 2:
+                sides = [np.maximum(sides[0] + sides[1] - 1, 0)]
+            for side in sides:
+                covered *= side
+        return covered
 
     def steps(self) -> list[Step]:
         """The steps in which all is drawn by a renderer that looks at two levels at once."""

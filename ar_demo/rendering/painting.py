@@ -123,9 +123,12 @@ class Painter(AbstractContextManager["Painter"]):
 
 def lit(picture: Picture, light: Light) -> Floats:
     """A picture (h, w, 3 or 4) in the light on each of its pixels, 0..1: what would be brighter than white is white."""
-    colour = in_float(picture[..., :3])
-    shown = np.minimum(light.on(np.ascontiguousarray(colour * np.float32(255))) * np.float32(1 / 255), 1)
-    return shown if picture.shape[2] == 3 else np.concatenate([shown, in_float(picture[..., 3:])], axis=2)
+    # Light is laid on grey levels of 8 bit.
+    levels = picture if picture.dtype == np.uint8 else in_float(picture) * np.float32(255)
+    shown = light.on(np.ascontiguousarray(levels[..., :3]))
+    np.multiply(shown, np.float32(1 / 255), out=shown)
+    np.minimum(shown, 1, out=shown)
+    return shown if picture.shape[2] == 3 else np.concatenate([shown, in_float(picture)[..., 3:]], axis=2)
 
 
 def check_ad(surface: Surface) -> None:

@@ -393,6 +393,13 @@ def without_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ctypes, "CDLL", no_library)
 
 
+def test_the_log_names_the_renderer_and_whether_it_uses_a_gpu(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO), opened("osmesa") as compositor:  # which knows no GPU
+        assert isinstance(compositor, GlCompositor)
+    messages = [record.getMessage() for record in caplog.records]
+    assert messages == [f"compositor: moderngl OSMesa, {compositor.context.info['GL_RENDERER']}, in software"]
+
+
 @pytest.mark.usefixtures("without_opengl")
 def test_auto_falls_back_aloud(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO), open_compositor("auto") as compositor:
