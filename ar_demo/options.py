@@ -41,7 +41,7 @@ class OutputOptions:
         backend: what draws.
         codec: encoder by FFmpeg's name; None takes the container's usual.
         crf: quality of the encoder, lower is better; None takes the codec's usual.
-        depth: bits a sample: 8, or as many as the source has.
+        depth: bits a sample: 8, or as many as the source has, and its chroma, where the codec takes that.
         overwrite: whether an existing output may be replaced.
 
     Raises:

@@ -130,6 +130,7 @@ class Session(AbstractContextManager["Session"]):
                 time_base=info.time_base,
                 pixel_aspect=info.pixel_aspect,
                 depth=info.depth if deep else 8,
+                pixel_format=info.pixel_format if options.depth == "source" else None,
             ) as writer,
             ahead(reader.frames(0, renderer.length)) as frames,
             behind(writer.write) as write,

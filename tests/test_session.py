@@ -172,3 +172,17 @@ def test_a_source_of_10_bits_stays_so_where_that_is_asked_for(ad: Path, tmp_path
         assert np.abs(last[10, :, 1] - ramp).max() < 900  # outside the ad the picture is the source's
         assert np.abs(last[100:140, 450:510].astype(int) - image[100:140, 450:510]).mean() > 3000
     assert levels["8"] < 260 < 600 < levels["source"]
+
+
+@pytest.mark.parametrize("depth", ["8", "source"])
+def test_the_chroma_of_a_source_stays_where_that_is_asked_for(ad: Path, tmp_path: Path, depth: str) -> None:
+    clip = tmp_path / "in.mp4"
+    with VideoWriter(clip, 320, 240, Fraction(25), pixel_format="yuv422p") as writer:
+        for index in range(3):
+            writer.write(texture(3, 320, 240), Fraction(index, 25))
+    with Session(clip, make_tracker=Still) as session:
+        assert session.reader.info.pixel_format == "yuv422p"
+        surfaces = session.track([Surface(ad, Scene().quad)])
+        session.render(surfaces, tmp_path / "o.mp4", OutputOptions(backend="opencv", depth=depth))  # type: ignore[arg-type]
+    with VideoReader(tmp_path / "o.mp4") as reader:
+        assert reader.info.pixel_format == ("yuv420p" if depth == "8" else "yuv422p")

@@ -57,7 +57,11 @@ def replace_parser() -> Parser:
     add("--backend", choices=CHOICES["backend"], help="what draws (default: auto)")
     add("--crf", type=float, help="quality, lower is better")
     add("--codec", help="encoder by FFmpeg's name, such as libx264 or libx265")
-    add("--depth", choices=CHOICES["depth"], help="bits a sample: 8 (default), or as many as the source has")
+    add(
+        "--depth",
+        choices=CHOICES["depth"],
+        help="bits a sample: 8 (default), or as many as the source has, with its chroma",
+    )
     _add_common(parser)
     return parser
 

@@ -50,6 +50,7 @@ class VideoInfo:
         rotation: counterclockwise turn in degrees that was needed to make the frames upright.
         pixel_aspect: width of a pixel over its height, as displayed.
         depth: bits per sample of the source.
+        pixel_format: of the source, by FFmpeg's name.
         matrix: "bt709", "bt601", "bt2020", "smpte240m", "fcc" or "rgb"; untagged is "bt601" below 720 lines.
         full_range: whether black is 0 and white the largest value.
         has_audio: whether there is sound beside the picture.
@@ -65,6 +66,7 @@ class VideoInfo:
     rotation: int
     pixel_aspect: Fraction
     depth: int
+    pixel_format: str
     matrix: str
     full_range: bool
     has_audio: bool
@@ -214,6 +216,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
             rotation=self._rotation,
             pixel_aspect=1 / aspect if sideways else aspect,
             depth=color.depth_of(frame),
+            pixel_format=frame.format.name,
             matrix=color.matrix_of(frame),
             full_range=color.is_full_range(frame),
             has_audio=bool(container.streams.audio),

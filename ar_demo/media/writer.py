@@ -69,6 +69,7 @@ class VideoWriter:
         pixel_aspect: Fraction = Fraction(1),
         fast: bool = False,
         depth: int = 8,
+        pixel_format: str | None = None,
     ) -> None:
         """Begins a file.
 
@@ -83,6 +84,8 @@ class VideoWriter:
             pixel_aspect: a pixel's width over its height.
             fast: larger files, but H.264 and H.265 keep up with a live source.
             depth: bits per sample in the file: 8, 10, 12 ...; whatever frames are of.
+            pixel_format: FFmpeg's name of one that is preferred where it has this depth and the codec takes it, as the
+                source's; None takes 4:2:0 before others.
 
         Raises:
             InputError: the container or codec cannot do this; nothing has been written.
@@ -95,7 +98,7 @@ class VideoWriter:
             raise InputError(f"folder {self.path.parent} of the output does not exist: create it first")
         muxer, default_codec = CONTAINERS[self.path.suffix.lower()]
         codec = codec or default_codec
-        pix_fmt = _pixel_format(codec, muxer, width, height, depth)
+        pix_fmt = _pixel_format(codec, muxer, width, height, depth, pixel_format)
 
         self._size = width, height
         self._rate = Fraction(rate)
@@ -268,14 +271,14 @@ class VideoWriter:
         self._part.unlink(missing_ok=True)
 
 
-def _pixel_format(codec: str, muxer: str, width: int, height: int, depth: int) -> str:
+def _pixel_format(codec: str, muxer: str, width: int, height: int, depth: int, like: str | None) -> str:
     """The pixel format to encode in; odd sizes, which 4:2:0 cannot hold, become 4:4:4."""
     try:
         offered = _offered(codec)
     except ValueError as error:
         raise InputError(f'video codec "{codec}" is unknown: try libx264, libx265 or libvpx-vp9') from error
     odd = bool(width % 2 or height % 2)
-    chosen = _preferred(offered, odd, depth)
+    chosen = _preferred(offered, odd, depth, like)
     if chosen is None and depth > 8:
         with av.open(BytesIO(), "w", format=muxer) as container:
             possible = [name for name in _DEEP_CODECS if name in container.supported_codecs & av.codecs_available]
@@ -294,12 +297,12 @@ def _offered(codec: str) -> set[str]:
     return {pixel_format.name for pixel_format in av.Codec(codec, "w").video_formats or []}
 
 
-def _preferred(offered: set[str], odd: bool, depth: int) -> str | None:
+def _preferred(offered: set[str], odd: bool, depth: int, like: str | None = None) -> str | None:
     if depth == 8:
         wanted: tuple[str, ...] = _ODD_FORMATS if odd else _EVEN_FORMATS
     else:
         wanted = tuple(name.format(depth=depth) for name in (_ODD_DEEP_FORMATS if odd else _EVEN_DEEP_FORMATS))
-    return next((name for name in wanted if name in offered), None)
+    return next((name for name in sorted(wanted, key=lambda name: name != like) if name in offered), None)
 
 
 def _fine_time_base(rate: Fraction) -> Fraction:
