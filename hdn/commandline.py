@@ -52,6 +52,13 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+def natural(text: str) -> int:
+    """The type of an option that takes a whole number from 1 on."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 on")
+    return int(text)
+
+
 Command = Callable[[Sequence[str] | None], int]
 
 

@@ -1,12 +1,11 @@
 """`hdn-analyse`: what the paper says of its method, and what the tracker says of itself, measured and drawn."""
 
-import argparse
 import importlib.util
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..commandline import DONE, Parser, run
+from ..commandline import DONE, Parser, natural, run
 from ..errors import InputError
 from ..networks.config import CONFIGS
 from . import conditioning, rsew, states
@@ -43,9 +42,9 @@ def _parser() -> Parser:
     subject = "how hard the parameters of a homography are to find, with and without decomposition: figure and CSV"
     condition_parser = analyses.add_parser("condition-number", help=subject, description=subject)
     condition_parser.add_argument(
-        "--samples", type=_natural, default=1_000_000, metavar="N", help="homographies drawn (default 1000000)"
+        "--samples", type=natural, default=1_000_000, metavar="N", help="homographies drawn (default 1000000)"
     )
-    condition_parser.add_argument("--seed", type=_natural, default=1, metavar="N", help="of the draw (default 1)")
+    condition_parser.add_argument("--seed", type=natural, default=1, metavar="N", help="of the draw (default 1)")
     subject = "rotation and scale become shifts on the log-polar warp: figure, predicted and measured shifts"
     rsew_parser = analyses.add_parser("rsew", help=subject, description=subject)
     rsew_parser.add_argument(
@@ -58,10 +57,10 @@ def _parser() -> Parser:
         "folders", nargs="*", type=Path, metavar="FOLDER", help="of clips with corners, NAME.mp4 beside NAME.json"
     )
     states_parser.add_argument(
-        "--clips", type=_natural, default=4, metavar="N", help="drawn, textured and of low texture each (default 4)"
+        "--clips", type=natural, default=4, metavar="N", help="drawn, textured and of low texture each (default 4)"
     )
-    states_parser.add_argument("--frames", type=_natural, default=130, metavar="N", help="of each clip (default 130)")
-    states_parser.add_argument("--seed", type=_natural, default=1, metavar="N", help="of the drawn clips (default 1)")
+    states_parser.add_argument("--frames", type=natural, default=130, metavar="N", help="of each clip (default 130)")
+    states_parser.add_argument("--seed", type=natural, default=1, metavar="N", help="of the drawn clips (default 1)")
     for analysis in (condition_parser, rsew_parser, states_parser):
         analysis.add_argument(
             "--out", type=Path, default=Path("runs/analysis"), metavar="DIR", help="default runs/analysis"
@@ -74,12 +73,6 @@ class _Subparser(Parser):
 
     def __init__(self, prog: str, description: str, **_: object) -> None:
         super().__init__(prog, description)
-
-
-def _natural(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 on")
-    return int(text)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
 """`hdn-bench`: what a frame costs, stage by stage, and how much faster that is than HDN as its authors run it."""
 
-import argparse
 import contextlib
 import json
 import logging
@@ -20,7 +19,7 @@ import openvino
 import torch
 from tqdm import tqdm
 
-from ..commandline import DONE, Parser, run
+from ..commandline import DONE, Parser, natural, run
 from ..errors import InputError
 from ..imaging.arrays import Array, Image
 from ..imaging.homography import from_corners, similarity, transform, translation
@@ -342,17 +341,11 @@ def _parser() -> Parser:
         "paper's as its authors run it, on frames of 1280x720 drawn here.",
         "Exit status: 0 done, 1 failed while working, 2 wrong input.",
     )
-    parser.add_argument("--threads", type=_natural, metavar="N", help="processors to use (default: all)")
-    parser.add_argument("--rounds", type=_natural, default=ROUNDS, metavar="N", help=f"turns (default {ROUNDS})")
+    parser.add_argument("--threads", type=natural, metavar="N", help="processors to use (default: all)")
+    parser.add_argument("--rounds", type=natural, default=ROUNDS, metavar="N", help=f"turns (default {ROUNDS})")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="of the compact configuration (default: shipped)")
     parser.add_argument("--json", action="store_true", help="print JSON")
     return parser
-
-
-def _natural(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 on")
-    return int(text)
 
 
 if __name__ == "__main__":
