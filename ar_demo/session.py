@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 
 from .errors import InputError
 from .media.audio import Audio
-from .media.fingerprint import fingerprint
 from .media.reader import IndexDropped, VideoReader
 from .media.threads import ahead, behind
 from .media.writer import VideoWriter
@@ -82,8 +81,11 @@ class Session(AbstractContextManager["Session"]):
         for surface in surfaces:
             if surface.track is not None:
                 check_belongs_to(surface.track, self.reader)
+        return self._numbered_rightly(lambda: self._track(surfaces, options))
+
+    def _track(self, surfaces: Sequence[Surface], options: TrackingOptions) -> list[Surface]:
         new = [surface for surface in surfaces if surface.track is None]
-        measured = iter(self._numbered_rightly(lambda: self._passes(options).track(new)) if new else [])
+        measured = iter(self._passes(options).track(new) if new else [])
         return [
             changed(surface, quad=None, start=FIRST, track=smooth(next(measured), options.smooth))
             if surface.track is None
@@ -202,7 +204,7 @@ def check_belongs_to(track: Track, reader: VideoReader) -> None:
             f"the track is of {source.path} ({source.width}x{source.height}), not of {reader.path} "
             f"({info.width}x{info.height}): {advice}"
         )
-    if source.fingerprint not in (None, fingerprint(reader.path, len(track))):
+    if source.fingerprint not in (None, reader.fingerprint(len(track))):
         raise InputError(f"the track is of {source.path}, and {reader.path} shows something else: {advice}")
     for index, (ours, theirs) in enumerate(zip(track.times, reader.times, strict=False)):
         if abs(ours - theirs) > TIME_TOLERANCE:

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -10,10 +11,11 @@ import cv2
 import numpy as np
 import pytest
 
-from ar_demo import OutputOptions, Progress, Session, Stopped, Surface, TrackingOptions
+from ar_demo import Keyframe, Moment, OutputOptions, Progress, Session, Stopped, Surface, TrackingOptions
 from ar_demo.errors import InputError
-from ar_demo.media.reader import VideoReader
+from ar_demo.media.reader import IndexDropped, VideoReader
 from ar_demo.media.writer import VideoWriter
+from ar_demo.tracking.passes import Passes
 from hdn import Estimate, Observation
 from hdn.evidence import Evidence
 from hdn.imaging.arrays import Array
@@ -186,3 +188,27 @@ def test_the_chroma_of_a_source_stays_where_that_is_asked_for(ad: Path, tmp_path
         session.render(surfaces, tmp_path / "o.mp4", OutputOptions(backend="opencv", depth=depth))  # type: ignore[arg-type]
     with VideoReader(tmp_path / "o.mp4") as reader:
         assert reader.info.pixel_format == ("yuv420p" if depth == "8" else "yuv422p")
+
+
+@pytest.mark.parametrize("method", ["track", "correct"])
+def test_starts_over_where_frames_were_numbered_wrongly(
+    clip: Path, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    quad, tried, work = Scene().quad, [], getattr(Passes, method)
+
+    def once_wrong(*arguments: object) -> object:
+        tried.append(method)
+        if len(tried) == 1:
+            raise IndexDropped("frames were counted wrongly")
+        return work(*arguments)
+
+    with Session(clip, make_tracker=Still) as session:
+        surface = Surface(quad=quad)
+        if method == "correct":
+            [tracked] = session.track([surface])
+            surface = replace(tracked, keyframes=(Keyframe(Moment(frame=5), quad + 3),))
+        monkeypatch.setattr(Passes, method, once_wrong)
+        [found] = session.track([surface])
+    assert len(tried) == 2
+    assert found.track is not None
+    assert found.track.counts["tracked"] == FRAMES
