@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache, partial
 from pathlib import Path
 from threading import Lock
 from typing import Literal
@@ -20,6 +21,7 @@ from hdn.imaging.arrays import Picture
 from ..errors import InputError, RunError
 from . import color
 from .decode import Clock, decode, frame_rate, open_video, stream_duration
+from .fingerprint import fingerprint
 from .index import Index, demux
 
 log = logging.getLogger(__name__)
@@ -107,6 +109,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         path: the file.
         info: what it says of itself.
         warnings: what is wrong with the file but does not stop the reading (logged as well).
+        fingerprint: of its first frames, as many as given, see `media.fingerprint`; worked out once.
     """
 
     def __init__(self, path: Path | str, depth: Literal[8, 16] = 8) -> None:
@@ -128,6 +131,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         self._relied = -1  # the highest number not confirmed by which a frame was given out
         self._demuxed = False
         self._lock, self._demuxing = Lock(), Lock()  # iterations may run in several threads
+        self.fingerprint = cache(partial(fingerprint, self.path))
         self.info = self._probe()
 
     def __exit__(self, *error: object) -> None:

@@ -13,7 +13,6 @@ from hdn.better_template import TemplateBuilder
 from hdn.imaging.arrays import Array
 
 from ..errors import InputError
-from ..media.fingerprint import fingerprint
 from ..media.reader import VideoReader
 from ..media.threads import ahead
 from ..options import TrackingOptions
@@ -169,7 +168,7 @@ class Passes:
         forward = [forward_runs(target.given) for target in targets]
         length = self._forward(targets, forward, first, None, prefix + "track")
         info, times = self.reader.info, self.reader.times[:length]
-        path, mark = str(self.reader.path), fingerprint(self.reader.path, length)
+        path, mark = str(self.reader.path), self.reader.fingerprint(length)
         source = Source(path, info.width, info.height, info.rate, length, mark)
         for target, runs in zip(targets, forward, strict=True):
             target.track = blank(source, target.start, target.quad, list(times), target.keyframes)
