@@ -137,6 +137,8 @@ class Passes:
         if forward:
             first, last = forward[0].anchor, max(n - 1 if run.stop is None else run.stop for run in forward)
             self._forward([target], [forward], first, last + 1, "track")
+        for run in forward:
+            lay(track, run)
         self._back([target], [forward], [back])
         for low, high in segments(anew.tolist()):
             bridge(track, range(low, high))

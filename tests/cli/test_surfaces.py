@@ -147,6 +147,7 @@ def test_keyframes_first_while_tracking_then_in_the_finished_track(
     np.testing.assert_array_equal(after.corners[:5], before.corners[:5])
     np.testing.assert_allclose(after.corners[9], truth[0][9] - 1, atol=1e-4)
     assert after.keyframes.keys() == {4, 9}
+    assert after.known.all()
     assert max(error(c, t) for c, t in zip(after.corners, truth[0], strict=True)) < 2.5
 
 

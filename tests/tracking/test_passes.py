@@ -228,6 +228,8 @@ def test_a_keyframe_edited_in_the_file_is_new(world: World, clip: Path) -> None:
     new = track(clip, Surface(track=old), world)
     assert set(world.seen) == set(range(20, FRAMES))
     np.testing.assert_array_equal(new.corners[40], truth(40) + 2)
+    assert new.counts["tracked"] == FRAMES
+    assert off(new).max() < 2 + 1e-6
 
 
 @pytest.mark.parametrize("backward", [False, True])
