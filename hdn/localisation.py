@@ -11,11 +11,12 @@ import cv2
 import numpy as np
 
 from .alignment.agreement import CELLS
-from .alignment.refinement import START_COVARIANCE, Alignment
+from .alignment.refinement import NO_BLUR, START_COVARIANCE, Alignment
 from .evidence import THRESHOLDS, Evidence, is_fix
 from .imaging.arrays import Array, Floats
 from .imaging.homography import normalised, transform
 from .imaging.observation import Observation
+from .plane_motion import plane_motion
 from .proposal import Proposal
 from .surroundings import surrounding_motion
 from .target import CARRIED_COVARIANCE, Pose, Target
@@ -77,6 +78,8 @@ class FrameSearch:
     def __init__(self, target: Target, pose: Pose, frame: Observation) -> None:
         self._target, self._pose, self._frame = target, pose, frame
         self.is_attached = pose.is_attached
+        self.by_map = None
+        self.prior = None
 
     def nearby(self) -> Candidate:
         """The best candidate about the last pose: HDN's stages, refined; where little supports that, expected poses."""
@@ -90,8 +93,8 @@ class FrameSearch:
             best = max(best, self._aligned(again.homography, again), key=lambda candidate: candidate.support)
         if best.support < MODEL.sure_support:
             # Where much is hidden, what the visible part leaves open had better follow the motion so far.
-            for start, covariance in self._expected():
-                other = self._aligned(start, proposal, covariance)
+            for start, covariance, blur in self._expected(proposal):
+                other = self._aligned(start, proposal, covariance, blur)
                 if other.support > best.support - MODEL.support_margin:
                     return other
         return best
@@ -151,19 +154,49 @@ class FrameSearch:
         length = np.linalg.norm(corners - corners_before, axis=1).mean()
         return bool(difference < max(MODEL.attached_px, MODEL.attached_ratio * length))
 
-    def _expected(self) -> list[tuple[Array, Array]]:
-        """Poses (3, 3) to be expected without a look at the target, likeliest first, and their covariances (8, 8)."""
+    def _expected(self, proposal: Proposal):
+        """Poses (3, 3) to be expected without a look at the target, likeliest first, their covariances (8, 8) and blur."""
         last = self._pose.homography
         predicted = normalised(last @ np.linalg.inv(self._pose.previous) @ last)
-        poses = [(predicted, START_COVARIANCE), (last, START_COVARIANCE)]
-        if self.carried is not None:
-            poses.insert(0, (self.carried, self._pose.covariance + CARRIED_COVARIANCE))
+        prior, covariance = predicted, START_COVARIANCE
+        step = self.step(proposal)
+        if step is not None:
+            carried = normalised(step.homography @ last)
+            if self._target.is_plausible(carried):
+                prior, covariance = carried, self._pose.covariance + step.covariance
+                self.prior = prior, covariance
+        elif self.carried is not None:
+            prior, covariance = self.carried, self._pose.covariance + CARRIED_COVARIANCE
+        self.by_map = self._target.plane.align(self._frame.grey, prior, covariance)
+        if self.by_map is not None and self._target.is_plausible(self.by_map.homography):
+            prior, covariance = self.by_map.homography, self.by_map.covariance
+            self.prior = prior, covariance
+        blur = self.likeliest_blur(prior)
+        poses = [(prior, covariance, blur), (predicted, START_COVARIANCE, blur), (last, START_COVARIANCE, blur)]
         return poses
+
+    def likeliest_blur(self, pose):
+        refiner = self._target.refiner
+        guesses = [np.zeros((2, 2)), self._pose.blur, refiner.spectral_blur(self._frame, pose)]
+        return max(guesses, key=lambda blur: refiner.likeness(self._frame, pose, self._pose.visibility, blur))
+
+    def step(self, proposal):
+        if not self._pose.frames:
+            return None
+        last = self._pose.homography
+        inverse = np.linalg.inv(last)
+        predicted = normalised(last @ np.linalg.inv(self._pose.previous) @ last)
+        starts = [normalised(p @ inverse) for p in (predicted, last, proposal.homography)]
+        plane = self._target.plane
+        return plane_motion(
+            self._pose.frames[0], self._frame.grey, self._target.corners(last), plane.lengths,
+            plane.trust(self._pose.visibility), self._target.refiner.standard_side, starts, START_COVARIANCE,
+        )
 
     def _propose(self, start: Array) -> Proposal:
         return self._target.proposer.propose(self._frame.colour, start)
 
-    def _aligned(self, start: Array, proposal: Proposal, covariance: Array = START_COVARIANCE) -> Candidate:
+    def _aligned(self, start: Array, proposal: Proposal, covariance: Array = START_COVARIANCE, blur=NO_BLUR) -> Candidate:
         """Photometric alignment from a start, judged together with what a proposal says of the frame.
 
         Args:
@@ -173,7 +206,7 @@ class FrameSearch:
         """
         visible = _cells(proposal.visible)
         weights = np.clip(MODEL.visibility_gain * visible - MODEL.visibility_offset, MODEL.min_visibility, 1)
-        found = self._target.refiner.align_roughly(self._frame, start, weights, covariance)
+        found = self._target.refiner.align_roughly(self._frame, start, weights, covariance, blur)
         agreement = found.agreement
         evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(proposal.visible.mean()))
         if not self._target.is_plausible(found.homography):

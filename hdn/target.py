@@ -1,16 +1,18 @@
 """A planar target: what is kept of it from the reference frame on, and where it was last."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .alignment.agreement import CELLS
 from .alignment.refinement import Refiner
-from .imaging.arrays import Array
+from .imaging.arrays import Array, Floats
 from .imaging.homography import normalised, transform
 from .imaging.observation import Observation
 from .imaging.pyramid import Pyramid
 from .imaging.quads import area, is_convex, side
 from .networks.engine import Engine
+from .plane_map import PlaneMap
 from .proposal import Proposer, Stage
 from .redetection import Redetector
 
@@ -44,17 +46,21 @@ class Target:
         proposer: HDN's stages.
         refiner: photometric refinement.
         redetector: its keypoints.
+        plane: what surrounds it on the same plane; it learns.
     """
 
     quad: Array
     proposer: Proposer
     refiner: Refiner
     redetector: Redetector
+    plane: PlaneMap
 
     @classmethod
     def from_frame(cls, engine: Engine, frame: Observation, quad: Array, stages: frozenset[Stage]) -> "Target":
         """Takes a target (4, 2) in the reference frame."""
-        return cls(quad, Proposer(engine, frame, quad, stages), Refiner(frame, quad), Redetector(frame, quad))
+        refiner = Refiner(frame, quad)
+        plane = PlaneMap(frame, quad, refiner.standard_side)
+        return cls(quad, Proposer(engine, frame, quad, stages), refiner, Redetector(frame, quad), plane)
 
     @property
     def is_refined(self) -> bool:
@@ -105,6 +111,8 @@ class Pose:
     missed: int = 0
     frames: tuple[Pyramid, ...] = ()
     is_attached: bool | None = None
+    blur: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    visibility: Floats = field(default_factory=lambda: np.ones((CELLS, CELLS), np.float32))
 
     @classmethod
     def known(cls, homography: Array, frames: tuple[Pyramid, ...] = ()) -> "Pose":

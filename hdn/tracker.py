@@ -160,6 +160,8 @@ class Tracker:
         is_measured = True
         if is_found:
             pose = pose.found(candidate.homography, candidate.covariance, seen.grey)
+        elif search.prior is not None and pose.missed < MODEL.hold_frames:
+            pose = pose.not_found(*search.prior, seen.grey)
         elif pose.missed < MODEL.hold_frames and is_hint(candidate.evidence):
             pose = pose.not_found(candidate.homography, candidate.covariance, seen.grey)
         elif pose.missed < MODEL.hold_frames and search.carried is not None:
@@ -169,7 +171,11 @@ class Tracker:
             is_measured = False
         # Once nothing hides the target, whether it is attached is to be measured anew when next something does.
         is_clear = is_found and candidate.support >= SEARCH.sure_support
-        self._state = target, replace(pose, is_attached=None if is_clear else search.is_attached)
+        if is_clear and target.is_refined:
+            target.plane.learn(seen.grey, pose.homography)
+        visibility = candidate.visibility if is_found else pose.visibility
+        blur = candidate.alignment.blur if is_found and candidate.alignment is not None else pose.blur
+        self._state = target, replace(pose, is_attached=None if is_clear else search.is_attached, visibility=visibility, blur=blur)
         return _estimate(target, pose, candidate, is_found, is_measured)
 
     def _initialised(self) -> tuple[Target, Pose]:

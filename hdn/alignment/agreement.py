@@ -73,21 +73,23 @@ class Agreement:
 
 
 class Cells:
-    """An image, to be correlated with others cell by cell; its sides are multiples of CELLS, which makes it fast."""
+    """An image, to be correlated with others cell by cell; whole numbers of pixels to a cell make it fast."""
 
-    def __init__(self, image: Grey) -> None:
-        self._image, self._mean = image, cell_means(image)
-        self._variance = cell_means(image * image) - np.square(self._mean)
+    def __init__(self, image: Grey, cells: int = CELLS) -> None:
+        """Args: image: (h, w) grey. cells: it is taken as a grid of so many along either side."""
+        self._cells = cells
+        self._image, self._mean = image, cell_means(image, cells)
+        self._variance = cell_means(image * image, cells) - np.square(self._mean)
 
     def correlation(self, other: Grey) -> Floats:
-        """Normalised cross-correlation (8, 8) with another image of the same size."""
-        mean = cell_means(other)
-        variance = cell_means(other * other) - np.square(mean)
-        product = cell_means(self._image * other) - self._mean * mean
+        """Normalised cross-correlation (cells, cells) with another image of the same size."""
+        mean = cell_means(other, self._cells)
+        variance = cell_means(other * other, self._cells) - np.square(mean)
+        product = cell_means(self._image * other, self._cells) - self._mean * mean
         scale = np.sqrt(np.maximum(self._variance * variance, THRESHOLDS.min_variance))
         return np.asarray(product / scale, np.float32)
 
 
-def cell_means(image: Grey) -> Floats:
-    """Mean (8, 8) of each cell of an image."""
-    return np.asarray(cv2.resize(image, (CELLS, CELLS), interpolation=cv2.INTER_AREA), np.float32)
+def cell_means(image: Grey, cells: int = CELLS) -> Floats:
+    """Mean (cells, cells) of each cell of an image."""
+    return np.asarray(cv2.resize(image, (cells, cells), interpolation=cv2.INTER_AREA), np.float32)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..imaging.arrays import Array, Floats, Grey
+from ..imaging.arrays import Array, Floats, Grey, Image, Mask
 from ..imaging.blur import blurred, equalising_blurs
 from ..imaging.homography import from_corners, normalised, transform, warp_jacobian
 from ..imaging.photometry import MAD_TO_DEVIATION, normalise, tukey
@@ -34,7 +34,7 @@ class LucasKanade:
     pixels_per_error: float = 50
     window_ratio: float = 0.1  # half the window of the local normalisation, to the crop's longer side
     margin_px: int = 2  # at the crop's edge, where gradients see what lies outside
-    gradient_blocks: int = 4  # x 4 blocks of the crop, each of which gives its pixels of the strongest gradients
+    cells_per_block: int = 2  # x 2 cells, a block of which gives its pixels of the strongest gradients
     min_relative_trust: float = 0.5  # to the most trusted cell, for a cell's pixels to tell the noise
     noise_floor: float = 0.05  # of the median pixel's certainty: least deviation of the residuals
     ridge: float = 1e-6  # on the information of a crop that is wholly seen, against templates without texture
@@ -51,7 +51,9 @@ class Level:
 
     Attributes:
         width, height: of the crop, px.
+        cells: the crop is a grid of so many cells along either side.
         to_template, from_template: (3, 3) the crop's pixels to the template's, and back.
+        shown: (h, w) the pixels that the reference frame shows.
         raw: (h, w) the template at this scale, grey levels.
         template: (h, w) the same as it is compared: blurred and locally normalised.
         window: px, of the local normalisation.
@@ -59,26 +61,39 @@ class Level:
     """
 
     def __init__(
-        self, frame: Pyramid, quad: Array, size: tuple[int, int], blur: float, standard_side: int, most_points: int
+        self,
+        frame: Pyramid,
+        quad: Array,
+        size: tuple[int, int],
+        blur: float,
+        standard_side: int,
+        most_points: int,
+        margin: int = 0,
+        usable: Image | None = None,
     ) -> None:
         """Args:
         frame: grey pyramid of the reference frame.
         quad: (4, 2) the target's corners in it, px.
-        size: width and height of the crop, px, multiples of CELLS.
+        size: width and height of the target in the crop, px, multiples of CELLS.
         blur: standard deviation of the Gaussian that template and frames are blurred by, px.
         standard_side: px of the standard crop's longer side.
         most_points: how many pixels are compared.
+        margin: cells around the target that the crop shows as well.
+        usable: (H, W) 255 where the reference frame may be looked at; None takes all of it.
         """
-        self.width, self.height = w, h = size
-        self.to_template = from_corners(outline(w, h), quad)
+        w, h = size
+        self.cells, beyond = CELLS + 2 * margin, np.array(size) * margin // CELLS
+        self.width, self.height = w + 2 * int(beyond[0]), h + 2 * int(beyond[1])
+        self.to_template = from_corners(outline(w, h) + beyond, quad)
         self.from_template = np.linalg.inv(self.to_template)
         self._blur, self.window = blur, 2 * round(max(w, h) * MODEL.window_ratio) + 1
         self.raw = self.crop(frame, np.eye(3))
         self._per_standard_pixel = max(w, h) / standard_side  # px of this crop
         self._frame_blur = np.zeros((2, 2))
-        # Centred, scaled coordinates keep the normal equations well-conditioned, and parameters alike at every scale.
+        # Coordinates centred on the target, in units of half its longer side, keep the normal equations
+        # well-conditioned, and parameters alike at every scale.
         self._scale = 2.0 / max(w, h)
-        left, top = -self._scale * np.array([(w - 1) / 2, (h - 1) / 2])
+        left, top = -self._scale * ((np.array(size) - 1) / 2 + beyond)
         self._to_unit = np.array([[self._scale, 0, left], [0, self._scale, top], [0, 0, 1.0]])
         self._from_unit = np.linalg.inv(self._to_unit)
         self._standard_pixel = 2.0 / standard_side  # in unit coordinates
@@ -87,6 +102,9 @@ class Level:
         one, zero = np.ones(4), np.zeros(4)
         self.corners = np.stack([warp_jacobian(a, b, one, zero), warp_jacobian(a, b, zero, one)], 1)
         self._most_points = most_points
+        whole = np.full(frame.levels[0].shape[:2], 255, np.uint8) if usable is None else usable
+        shown = cv2.warpPerspective(whole, self.to_template, (self.width, self.height), flags=cv2.WARP_INVERSE_MAP)
+        self.shown: Mask = shown == 255
         self._take_template(self.raw)
 
     def matched(self, covariance: Array) -> "Level":
@@ -99,16 +117,20 @@ class Level:
     def _take_template(self, raw: Grey) -> None:
         """Takes a template (h, w), grey, and makes its steepest-descent images."""
         self.template, deviation = self._normalised(raw)
-        self._whole = Cells(self.template)
+        self._whole = Cells(self.template, self.cells)
         gy, gx = (np.asarray(g, np.float32) for g in np.gradient(self.template))
         # Only the pixels with the strongest gradients of each part say anything; fewer make it faster.
         strength = gx**2 + gy**2
-        chosen = strength >= _local_threshold(strength, min(1.0, self._most_points / strength.size))
+        blocks = self.cells // MODEL.cells_per_block
+        chosen = strength >= _local_threshold(strength, min(1.0, self._most_points / strength.size), blocks)
+        beyond = cv2.erode(self.shown.astype(np.uint8), np.ones((2 * MODEL.margin_px + 1,) * 2, np.uint8)) == 0
+        chosen[beyond] = False
         margin = MODEL.margin_px
         chosen[:margin], chosen[-margin:], chosen[:, :margin], chosen[:, -margin:] = False, False, False, False
         y, x = np.nonzero(chosen)
         self._points = np.stack([x, y, np.ones_like(x)], 1).astype(np.float32)
-        self._values, self._cells = self.template[y, x], (y * CELLS // self.height, x * CELLS // self.width)
+        self._values = self.template[y, x]
+        self._cells = y * self.cells // self.height, x * self.cells // self.width
         # Normalising amplifies the noise of what has little contrast.
         self._certainty = 1 / np.sqrt(MODEL.mismatch**2 + np.square(MODEL.noise_grey / deviation[y, x]))
         dx, dy = gx[y, x] / self._scale, gy[y, x] / self._scale
@@ -120,12 +142,22 @@ class Level:
         # Nothing outside the quad is looked at: what lies there may move on its own.
         return frame.crop(homography @ self.to_template, self.width, self.height).astype(np.float32)
 
+    def in_frame(self, frame: Pyramid, homography: Array) -> Mask:
+        """Which of the cells (cells, cells) have their centre in a frame, by a pose (3, 3), template to frame."""
+        y, x = (np.mgrid[: self.cells, : self.cells] + 0.5) / self.cells
+        centres = np.stack([x * self.width, y * self.height], -1) - 0.5
+        to_frame = homography @ self.to_template
+        at = transform(to_frame, centres)
+        is_before = centres @ to_frame[2, :2] + to_frame[2, 2] > 0
+        w, h = frame.size
+        return np.asarray(is_before & ((at > -0.5) & (at < [w - 0.5, h - 0.5])).all(-1))
+
     def rectify(self, frame: Pyramid, homography: Array) -> Grey:
         """A frame (h, w) as it is compared with the template: rectified by a homography, blurred, normalised."""
         return self._normalised(blurred(self.crop(frame, homography), self._frame_blur))[0]
 
     def correlation(self, search: Grey) -> Floats:
-        """Correlation (8, 8) of the template's cells with those of a frame as `rectify` makes it."""
+        """Correlation (cells, cells) of the template's cells with those of a frame as `rectify` makes it."""
         return self._whole.correlation(search)
 
     def align(
@@ -140,7 +172,7 @@ class Level:
 
         Args:
             search: (h, w) what `rectify` made.
-            trust: (8, 8) weights of the target's cells, 0..1.
+            trust: (cells, cells) weights of the cells, 0..1.
             prior_warp: (3, 3) the warp that is likeliest without a look.
             prior_covariance: (8, 8) of its parameters, px^2 at the edge of the standard crop.
             constraint: what the target's border tells of the warp.
@@ -204,11 +236,11 @@ def _median(values: Floats) -> float:
     return float(np.partition(values, middle)[middle])
 
 
-def _local_threshold(strength: Floats, share: float) -> Floats:
-    """Per pixel, the strength that the strongest `share` of the pixels in its block exceed."""
+def _local_threshold(strength: Floats, share: float, blocks: int) -> Floats:
+    """Per pixel, the strength that the strongest `share` of the pixels in its block, of blocks x blocks, exceed."""
     h, w = strength.shape
     threshold = np.empty_like(strength)
-    rows, columns = (np.linspace(0, n, MODEL.gradient_blocks + 1).astype(int) for n in (h, w))
+    rows, columns = (np.linspace(0, n, blocks + 1).astype(int) for n in (h, w))
     for top, bottom in itertools.pairwise(rows):
         for left, right in itertools.pairwise(columns):
             block = strength[top:bottom, left:right]

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ..imaging.arrays import Array, Floats, Grey, Mask
-from ..imaging.blur import relative_blur
+from ..imaging.blur import relative_blur, spectral_blur
 from ..imaging.homography import derivative, from_corners, normalised, transform
 from ..imaging.observation import Observation
 from ..imaging.quads import area, outline, side
@@ -73,6 +73,7 @@ class RefinementModel:
 MODEL = RefinementModel()
 ALL_VISIBLE: Floats = np.ones((CELLS, CELLS), np.float32)
 START_COVARIANCE = np.diag(np.square(MODEL.start_deviation_px))
+NO_BLUR: Array = np.zeros((2, 2))
 
 
 @dataclass(frozen=True)
@@ -83,11 +84,13 @@ class Prior:
         homography: (3, 3) the likeliest pose, template to frame.
         covariance: (8, 8) of it, as an alignment tells it.
         visibility: (8, 8) 0..1, which cells of the target may be looked at.
+        blur: (2, 2) px^2 of the standard crop, by which the frame is expected to be blurrier than the template.
     """
 
     homography: Array
     covariance: Array
     visibility: Floats
+    blur: Array = field(default_factory=lambda: np.zeros((2, 2)))
 
 
 @dataclass(frozen=True)
@@ -140,6 +143,7 @@ class Refiner:
         is_vague = self.deviation(np.eye(3), self._standard.best_covariance) > MODEL.vague_deviation * side(quad)
         borders = [Border(frame.colour, v.to_template, v.width, v.height) for v in (self._coarse, self._standard)]
         self._borders = borders if is_vague and all(border.is_distinct for border in borders) else []
+        self._blurred: dict[tuple[int, bytes], Level] = {}
         y, x = np.mgrid[:CELLS, :CELLS]
         self._cell_centres = transform(from_corners(outline(CELLS, CELLS), quad), np.stack([x, y], -1))
         raw = frame.grey.crop(self._standard.to_template, *standard).astype(np.float32)
@@ -172,12 +176,18 @@ class Refiner:
         start: Array,
         visibility: Floats = ALL_VISIBLE,
         covariance: Array = START_COVARIANCE,
+        blur: Array = NO_BLUR,
     ) -> Alignment:
-        """As `align`, but for the last fractions of a pixel: enough to judge by, and far cheaper."""
-        prior = Prior(start, covariance, visibility)
-        alignment = self._step(self._coarse, frame, start, prior)
+        """As `align`, but for the last fractions of a pixel: enough to judge by, and far cheaper.
+
+        Args:
+            blur: (2, 2) px^2 of the standard crop, by which the frame is expected to be blurrier than the template.
+        """
+        prior = Prior(start, covariance, visibility, blur)
+        coarse, standard = self._matched(self._coarse, blur), self._matched(self._standard, blur)
+        alignment = self._step(coarse, frame, start, prior)
         for _ in range(MODEL.max_standard_steps):
-            alignment = self._step(self._standard, frame, alignment.homography, prior)
+            alignment = self._step(standard, frame, alignment.homography, prior)
             if alignment.last_step_px < MODEL.settled_px:
                 break
         if self._borders:
@@ -191,8 +201,9 @@ class Refiner:
         It compares at the size at which the frame shows the target, and blurs the sharper of template and frame as
         the other is, if that makes them agree clearly better.
         """
-        blur = self._relative_blur(frame, alignment)
-        variance = float(np.abs(np.linalg.eigvalsh(blur)).max())
+        expected = alignment.prior.blur
+        blur = self.relative_blur(frame, alignment)
+        variance = _variance(blur)
         shown = side(transform(alignment.homography, self._quad))
         fine_side = np.sqrt(self._fine.width * self._fine.height)
         is_fine = shown > MODEL.min_fine_shown * fine_side and variance < MODEL.max_fine_variance_px2
@@ -200,8 +211,10 @@ class Refiner:
         if variance > MODEL.min_matched_variance_px2:
             matched = self._step(self._standard.matched(blur), frame, alignment.homography, alignment.prior)
             lacking, before = (1 - _typical_correlation(a.agreement) for a in (matched, alignment))
-            if lacking < MODEL.max_lack_left * before:
+            if lacking < MODEL.max_lack_left * before or (_variance(expected) > MODEL.min_matched_variance_px2 and lacking < before):
                 return replace(self._step(level.matched(blur), frame, matched.homography, alignment.prior), blur=blur)
+        if _variance(expected) > MODEL.min_matched_variance_px2:
+            return replace(self._step(self._standard.matched(expected), frame, alignment.homography, alignment.prior), blur=expected)
         return self._step(level, frame, alignment.homography, alignment.prior) if is_fine else alignment
 
     def frame_blur(self, alignment: Alignment) -> Array:
@@ -210,6 +223,11 @@ class Refiner:
         middle = np.array([(self._standard.width - 1) / 2, (self._standard.height - 1) / 2])
         stretch = derivative(to_frame, middle)
         return np.asarray(stretch @ alignment.blur @ stretch.T)
+
+    @property
+    def standard_side(self) -> int:
+        """Longer side of the standard crop, px."""
+        return max(self._standard.width, self._standard.height)
 
     def deviation(self, homography: Array, covariance: Array) -> float:
         """Standard deviation of the corners, px of the frame: the root of its mean square over them.
@@ -244,7 +262,30 @@ class Refiner:
         search = level.rectify(frame.grey, homography)
         return search, Agreement(level.correlation(search), self._in_frame(frame, homography), self.textured)
 
-    def _relative_blur(self, frame: Observation, alignment: Alignment) -> Array:
+    def _matched(self, level: Level, blur: Array) -> Level:
+        if _variance(blur) < MODEL.min_matched_variance_px2:
+            return level
+        key = (id(level), blur.tobytes())
+        if key not in self._blurred:
+            if len(self._blurred) > 8:
+                self._blurred.clear()
+            self._blurred[key] = level.matched(blur)
+        return self._blurred[key]
+
+    def likeness(self, frame: Observation, homography: Array, visibility: Floats, blur: Array) -> float:
+        """Mean correlation of the visible cells, of a frame at a pose with the template blurred."""
+        level = self._matched(self._coarse, blur)
+        correlation = np.maximum(level.correlation(level.rectify(frame.grey, homography)), 0)
+        weight = visibility * self.textured + 1e-6
+        return float((correlation * weight).sum() / weight.sum())
+
+    def spectral_blur(self, frame: Observation, homography: Array) -> Array:
+        """Blur (2, 2) px^2 of the standard crop of a frame against the template, by their spectra: no alignment needed."""
+        level = self._standard
+        view = level.crop(frame.grey, homography)
+        return spectral_blur(level.raw, view)
+
+    def relative_blur(self, frame: Observation, alignment: Alignment) -> Array:
         """How much blurrier the frame shows the target than the template, (2, 2) px^2 of the standard crop.
 
         Zeros where both are equally sharp, or where the crop is not aligned.
@@ -252,11 +293,11 @@ class Refiner:
         correlation = alignment.agreement.correlation
         is_rough = self._clear_correlation(correlation) < MODEL.min_clear_correlation
         if is_rough or _typical_correlation(alignment.agreement) > MODEL.equal_correlation:
-            return np.zeros((2, 2))
+            return alignment.prior.blur
         trust = self._trust(correlation) * alignment.prior.visibility
         level = self._standard
         trusted = cv2.resize(trust, (level.width, level.height), interpolation=cv2.INTER_NEAREST)
-        return relative_blur(level.raw, level.crop(frame.grey, alignment.homography), trusted, level.window)
+        return relative_blur(level.raw, level.crop(frame.grey, alignment.homography), trusted, level.window, alignment.prior.blur)
 
     def _trust(self, correlation: Floats) -> Floats:
         """Weights (8, 8) of the cells for alignment; where hardly any agrees, all count: it is not aligned yet."""
@@ -280,6 +321,11 @@ class Refiner:
         centres = transform(homography, self._cell_centres)
         w, h = frame.colour.size
         return np.asarray(((centres > -0.5) & (centres < [w - 0.5, h - 0.5])).all(-1))
+
+
+def _variance(blur: Array) -> float:
+    """The largest variance of a blur (2, 2), px^2, along any direction."""
+    return float(np.abs(np.linalg.eigvalsh(blur)).max())
 
 
 def _typical_correlation(agreement: Agreement) -> float:
