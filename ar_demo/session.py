@@ -87,7 +87,9 @@ class Session(AbstractContextManager["Session"]):
         new = [surface for surface in surfaces if surface.track is None]
         measured = iter(self._passes(options).track(new) if new else [])
         return [
-            changed(surface, quad=None, start=FIRST, track=smooth(next(measured), options.smooth))
+            changed(
+                surface, quad=None, start=FIRST, region=None, exclude=(), track=smooth(next(measured), options.smooth)
+            )
             if surface.track is None
             else changed(surface, track=self._corrected(surface, surface.track, options))
             for surface in surfaces

@@ -10,6 +10,7 @@ from .imaging.homography import normalised, transform
 from .imaging.observation import Observation
 from .imaging.pyramid import Pyramid
 from .imaging.quads import area, is_convex, side
+from .imaging.regions import EVERYWHERE, Region
 from .networks.engine import Engine
 from .proposal import Proposer, Stage
 from .redetection import Redetector
@@ -44,17 +45,21 @@ class Target:
         proposer: HDN's stages.
         refiner: photometric refinement.
         redetector: its keypoints.
+        region: where on its plane tracking may look.
     """
 
     quad: Array
     proposer: Proposer
     refiner: Refiner
     redetector: Redetector
+    region: Region = EVERYWHERE
 
     @classmethod
-    def from_frame(cls, engine: Engine, frame: Observation, quad: Array, stages: frozenset[Stage]) -> "Target":
+    def from_frame(
+        cls, engine: Engine, frame: Observation, quad: Array, stages: frozenset[Stage], region: Region = EVERYWHERE
+    ) -> "Target":
         """Takes a target (4, 2) in the reference frame."""
-        return cls(quad, Proposer(engine, frame, quad, stages), Refiner(frame, quad), Redetector(frame, quad))
+        return cls(quad, Proposer(engine, frame, quad, stages), Refiner(frame, quad), Redetector(frame, quad), region)
 
     @property
     def is_refined(self) -> bool:

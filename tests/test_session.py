@@ -20,6 +20,7 @@ from hdn import Estimate, Observation
 from hdn.evidence import Evidence
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import transform
+from hdn.imaging.regions import EVERYWHERE, Region
 
 from .clips import make_clip
 from .scenes import Scene, path, texture
@@ -31,7 +32,7 @@ OPENCV = OutputOptions(backend="opencv")
 class Still:
     """A tracker that takes the surface for one that does not move."""
 
-    def init(self, frame: Observation, quad: Array) -> None:
+    def init(self, frame: Observation, quad: Array, region: Region = EVERYWHERE) -> None:
         self.quad = self.corners = quad
 
     def place(self, homography: Array) -> None:

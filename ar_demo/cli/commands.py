@@ -18,7 +18,7 @@ from ..options import OutputOptions, TrackingOptions
 from ..pipeline import default_output, replace, track
 from ..results import Result
 from ..session import check_output
-from ..surface import Keyframe, Moment, Surface, parse_quad
+from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
 from ..tracking.corrections import needs_correction
 from ..tracks import Track
 from .applicability import STDOUT, check_applicable, flag
@@ -97,6 +97,10 @@ def _of(kind: type, given: Namespace) -> dict[str, Any]:
             values[name] = Moment.parse(values[name])
     if "quad" in values:
         values["quad"] = parse_quad(values["quad"])
+    if "region" in values:
+        values["region"] = parse_polygon(values["region"])
+    if "exclude" in values:
+        values["exclude"] = tuple(map(parse_polygon, values["exclude"]))
     if "track" in values:
         values["track"] = Track.load(values["track"])
     return values
@@ -110,7 +114,7 @@ def _surfaces(given: Namespace, job: Job | None) -> list[Surface]:
     if "surface" in given:
         return [
             Surface(**values | {"ad": None if ad == "-" else Path(ad), "quad": parse_quad(corners)})
-            for ad, *corners in given.surface
+            for ad, corners in given.surface
         ]
     if "keyframe" in given:
         values["keyframes"] = tuple(map(Keyframe.parse, given.keyframe))
