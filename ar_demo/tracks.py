@@ -52,6 +52,7 @@ class Track:
         states: N of 'tracked', 'held', 'lost'.
         confidence: (N,) 0..1.
         deviation: (N,) px, standard deviation of the corners; infinite where they are not measured.
+        warnings: what is wrong with the video, and which frames had better be checked, one sentence each.
         keyframes: corners (4, 2) given by hand, by the frame's index; the track passes through them.
         cuts: indices of frames that begin another shot than the one before them.
         region: where in the reference frame tracking may look.
@@ -130,6 +131,7 @@ class Track:
             "cuts": self.cuts,
             "region": None if self.region.include is None else self.region.include.tolist(),
             "exclude": [polygon.tolist() for polygon in self.region.exclude],
+            "warnings": self.warnings,
             "frames": frames,
         }
         path = Path(path)
@@ -200,7 +202,8 @@ def _parse(content: dict[str, Any]) -> Track:
         [f["state"] for f in frames],
         np.array([f["confidence"] for f in frames], np.float64),
         np.array([_deviation(f) for f in frames], np.float64),
-        keyframes=keyframes,
+        [str(w) for w in content.get("warnings", [])],
+        keyframes,
         cuts=[int(c) for c in content.get("cuts", [])],
         region=_region(content),
     )

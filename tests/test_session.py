@@ -213,3 +213,15 @@ def test_starts_over_where_frames_were_numbered_wrongly(
     assert len(tried) == 2
     assert found.track is not None
     assert found.track.counts["tracked"] == FRAMES
+
+
+def test_warnings_say_which_of_several_surfaces_they_are_of(clip: Path, ad: Path, tmp_path: Path) -> None:
+    with Session(clip, make_tracker=Still) as session:
+        surfaces = session.track([Surface(ad, Scene().quad), Surface(ad, Scene().quad + 5)])
+        tracks = [surface.track for surface in surfaces if surface.track is not None]
+        tracks[0].warnings = ["damaged", "hidden", "blurred"]
+        tracks[1].warnings = ["damaged", "hidden", "far off"]
+        both = session.render(surfaces, tmp_path / "both.mp4", OPENCV).warnings
+        one = session.render(surfaces[1:], tmp_path / "one.mp4", OPENCV).warnings
+    assert both == ["damaged", "hidden", "surface 1: blurred", "surface 2: far off"]
+    assert one == ["damaged", "hidden", "far off"]

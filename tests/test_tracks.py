@@ -62,6 +62,12 @@ def test_keyframes_and_cuts_are_kept(track: Track, tmp_path: Path) -> None:
     assert again.given.keys() == {0, 1}
 
 
+def test_warnings_are_kept(track: Track, tmp_path: Path) -> None:
+    track.warnings = ["frames 1 to 2: the surface is hardly seen", "street.mp4 is damaged"]
+    track.save(tmp_path / "t.json")
+    assert Track.load(tmp_path / "t.json").warnings == track.warnings
+
+
 def test_the_region_is_kept(track: Track, tmp_path: Path) -> None:
     track.region = Region(QUAD * 2, (QUAD[:3], QUAD[1:]))
     track.save(tmp_path / "t.json")
@@ -73,15 +79,14 @@ def test_the_region_is_kept(track: Track, tmp_path: Path) -> None:
 def test_a_file_without_them_loads_as_before(track: Track, tmp_path: Path) -> None:
     path = tmp_path / "t.json"
     track.save(path)
-    old = {
-        key: value
-        for key, value in json.loads(path.read_text()).items()
-        if key not in ("keyframes", "cuts", "region", "exclude")
-    }
-    path.write_text(json.dumps(old))
+    content = json.loads(path.read_text())
+    for name in ("keyframes", "cuts", "region", "exclude", "warnings"):
+        del content[name]
+    path.write_text(json.dumps(content))
     again = Track.load(path)
     assert (again.keyframes, again.cuts) == ({}, [])
     assert again.region.is_everywhere
+    assert again.warnings == []
 
 
 @pytest.mark.parametrize(

@@ -234,6 +234,19 @@ def test_the_command_line_counts_before_the_job(run: Run, done: list[Any]) -> No
     assert (others.crf, others.audio) == (25, "none")
 
 
+@pytest.mark.parametrize("quiet", [(), ("--quiet",)])
+def test_warnings_of_a_track_are_told_once(run: Run, done: list[Any], quiet: tuple[str, ...]) -> None:
+    track = Track.load("t.json")
+    track.warnings = ["frames 1 to 2: hardly seen"]
+    track.save("t.json")
+    told = ["in.mp4", "--quad", *QUAD, "--overwrite", "--json", *quiet]
+    code, out, err = run(*told, main=entry.track_main)
+    assert (code, err) == (0, "warning: frames 1 to 2: hardly seen\n")
+    assert '"warnings": ["frames 1 to 2: hardly seen"]' in out
+    assert run(*told, "--strict", main=entry.track_main)[0] == 1
+    assert Track.load("in.track.json").warnings == track.warnings
+
+
 def test_parsers_have_no_defaults() -> None:
     assert vars(track_parser().parse_args(["in.mp4"])) == {"input": Path("in.mp4")}
     assert vars(replace_parser().parse_args([])) == {}
