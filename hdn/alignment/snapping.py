@@ -24,7 +24,7 @@ class SnapModel:
     usual_frame_px: int = 1280  # longer side of a frame
     reach_px: float = 4.0  # that a side may move at either end
     max_share: float = 0.1  # of the quad's shortest side that a side may move
-    places: int = 96  # along a side where the frame is looked at across
+    places: int = 100  # along a side where the frame is looked at across
     end_share: float = 0.04  # of a side, left out at either end: corners may be round
     step_px: float = 0.5  # between the samples across
     blur_px: float = 0.8  # standard deviation of the Gaussian over the samples, against noise
@@ -33,6 +33,8 @@ class SnapModel:
     line_step_px: float = 0.25  # between the lines that are tried, at either end
     width_px: float = 0.6  # standard deviation of the distance within which a step counts for a line
     min_support: float = 0.55  # share of the places, for an edge
+    sections: int = 5  # of a side, each of which has to show some of the edge: others end in the middle of it
+    min_section_support: float = 0.3  # share of a section's places
     min_distinct: float = 0.25  # by which that has to exceed the mean over all lines
     rival_ratio: float = 0.8  # to the best line's support (above that mean), from which the nearest line is taken
     robust_steps: int = 5  # of the fit to the steps
@@ -86,16 +88,16 @@ def _edge(
     along = np.linspace(model.end_share, 1 - model.end_share, model.places)
     steps = _steps(image, begin + along[:, None] * (end - begin), normal, unit, reach, model)
     offsets = np.arange(-reach, reach + 1e-9, model.line_step_px * unit)
-    first, last = np.meshgrid(offsets, offsets, indexing="ij")
-    lines = np.stack([first.ravel(), last.ravel()], 1)
-    support = _support(lines, along, steps, model.width_px * unit)
-    usual = float(support.mean())
-    excess = support - usual
+    lines = np.stack(np.meshgrid(offsets, offsets), -1).reshape(-1, 2)
+    support = _support(lines, along, steps, model.width_px * unit).mean(0)
+    excess = support - support.mean()
     if support.max() < model.min_support or excess.max() < model.min_distinct:
         return None
     rivals = lines[excess >= model.rival_ratio * excess.max()]
     nearest = rivals[np.argmin(np.square(rivals).sum(1))]
-    return _fitted(nearest, along, steps, model.width_px * unit, model.robust_steps)
+    line = _fitted(nearest, along, steps, model.width_px * unit, model.robust_steps)
+    sections = _support(line[None], along, steps, model.width_px * unit).reshape(model.sections, -1).mean(1)
+    return line if sections.min() >= model.min_section_support and np.abs(line).max() <= reach else None
 
 
 class _Steps(NamedTuple):
@@ -131,15 +133,19 @@ def _steps(image: Floats, at: Array, normal: Array, unit: float, reach: float, m
 
 
 def _support(lines: Array, along: Array, steps: _Steps, width: float) -> Array:
-    """The share (k,) of the places that have a step on each of the lines (k, 2), by their offsets at both ends."""
-    support = np.zeros(len(lines))
-    for place, offset, weight in zip(along, *steps, strict=True):
-        here = (1 - place) * lines[:, 0] + place * lines[:, 1]
+    """How well there is a step at each of n places on each of the lines (k, 2), by their offsets at both ends: (n, k).
+
+    Args:
+        along: (n,) the places, 0..1 from end to end.
+        width: px, standard deviation of the distance within which a step counts.
+    """
+    support = np.zeros((len(along), len(lines)))
+    for row, place, offset, weight in zip(support, along, *steps, strict=True):
         there = weight > 0
         if there.any():
-            near = np.exp(-0.5 * np.square((here[:, None] - offset[there]) / width)) * weight[there]
-            support += near.max(1)
-    return support / len(along)
+            away = (1 - place) * lines[:, 0] + place * lines[:, 1] - offset[there, None]
+            row[:] = (np.exp(-0.5 * np.square(away / width)) * weight[there, None]).max(0)
+    return support
 
 
 def _fitted(line: Array, along: Array, steps: _Steps, width: float, rounds: int) -> Array:
