@@ -166,7 +166,7 @@ class _Target:
             if not self.surface.start.reached(frame.index, elapsed):
                 return None
             assert self.surface.quad is not None
-            self.tracker.init(seen, self.surface.quad)
+            self.tracker.init(seen, self.surface.quad, self.surface.tracking_region)
             self.started, self._opacity = elapsed, 1.0
             if self.surface.in_scene:
                 self._appearance = Appearance(frame.image, self.surface.quad)

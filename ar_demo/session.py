@@ -87,7 +87,9 @@ class Session(AbstractContextManager["Session"]):
         new = [surface for surface in surfaces if surface.track is None]
         measured = iter(self._passes(options).track(new) if new else [])
         return [
-            changed(surface, quad=None, start=FIRST, track=smooth(next(measured), options.smooth))
+            changed(
+                surface, quad=None, start=FIRST, region=None, exclude=(), track=smooth(next(measured), options.smooth)
+            )
             if surface.track is None
             else changed(surface, track=self._corrected(surface, surface.track, options))
             for surface in surfaces
@@ -143,9 +145,7 @@ class Session(AbstractContextManager["Session"]):
                 write(frame.image, frame.time, frame.duration)
                 count += 1
                 show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.image)
-            warnings = (
-                [warning for track in tracks for warning in track.warnings] + self.reader.warnings + reader.warnings
-            )
+            warnings = [*tracks_warnings(tracks, self.reader.warnings), *self.reader.warnings, *reader.warnings]
             if count < length:
                 warnings.append(
                     f"{self.reader.path} has only {count} of the track's {length} frames: the rest is left out"
@@ -179,6 +179,16 @@ class Session(AbstractContextManager["Session"]):
         if self._make_tracker is None:
             self._make_tracker = hdn_trackers(options)
         return Passes(self.reader, self._make_tracker, options, self.listen, self._stop)
+
+
+def tracks_warnings(tracks: Sequence[Track], of_video: Sequence[str]) -> list[str]:
+    """The warnings of tracks of one video; with several surfaces, what concerns one of them says which."""
+    common = set(of_video).union(set.intersection(*(set(track.warnings) for track in tracks))) if tracks else set()
+    return [
+        warning if warning in common else f"surface {number}: {warning}"
+        for number, track in enumerate(tracks, 1)
+        for warning in track.warnings
+    ]
 
 
 def check_output(output: Path, options: OutputOptions, *inputs: Path | str | None) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hdn.imaging.arrays import Array
+from hdn.imaging.regions import Region
 
 from .choices import CHOICES, Blend, Effect, Fit, Lost, Playback
 from .errors import InputError
@@ -62,19 +63,43 @@ def parse_quad(points: Any) -> Array:
     Raises:
         InputError: not four points of two numbers.
     """
-    if isinstance(points, str):
-        points = points.split()
-    try:
-        rows = [p.replace(",", " ").split() if isinstance(p, str) else p for p in points]
-        quad = np.array(rows, np.float64)
-    except (TypeError, ValueError):
-        quad = np.empty(0)
-    if quad.shape != (4, 2) or not np.isfinite(quad).all():
+    quad = _points(points)
+    if quad is None or len(quad) != 4:
         raise InputError(
             "the quad needs four corners x,y in pixels: top-left, top-right, bottom-right, bottom-left of the ad, "
             "as in --quad 100,80 300,80 300,240 100,240"
         )
     return quad
+
+
+def parse_polygon(points: Any) -> Array:
+    """Three corners or more to a polygon (n, 2), px of the reference frame.
+
+    Args:
+        points: 'x,y x,y x,y ...', a list of 'x,y', or pairs of numbers.
+
+    Raises:
+        InputError: not points of two numbers, or fewer than three.
+    """
+    polygon = _points(points)
+    if polygon is None or len(polygon) < 3:
+        raise InputError(
+            "a polygon needs three corners x,y or more in pixels of the reference frame, "
+            "as in --region 60,40 420,44 410,330 64,320"
+        )
+    return polygon
+
+
+def _points(points: Any) -> Array | None:
+    """Points (n, 2) of 'x,y x,y ...', a list of 'x,y', or pairs of numbers; None where they are no such thing."""
+    if isinstance(points, str):
+        points = points.split()
+    try:
+        rows = [p.replace(",", " ").split() if isinstance(p, str) else p for p in points]
+        found = np.array(rows, np.float64)
+    except (TypeError, ValueError):
+        return None
+    return found if found.ndim == 2 and found.shape[1] == 2 and np.isfinite(found).all() else None
 
 
 @dataclass(frozen=True)
@@ -112,6 +137,9 @@ class Surface:
         quad: (4, 2) the surface's corners in the reference frame, px; top-left, top-right, bottom-right, bottom-left of
             the ad as it shall appear. Not needed where there is a track.
         start: the reference frame; tracking runs forward and backward from it.
+        region: polygon (n, 2) of the reference frame, px, of what is tracked: around the quad where more of its plane
+            is seen, or smaller. None leaves that to the tracker.
+        exclude: polygons (n, 2) of the reference frame, px, that tracking ignores: what moves or shines.
         keyframes: corners in other frames, where tracking went wrong.
         track: made earlier; it is tracked anew only around keyframes that it does not pass through.
         fit: how the ad's shape is brought to the surface's.
@@ -131,6 +159,8 @@ class Surface:
     ad: Path | str | None = None
     quad: Array | None = None
     start: Moment = FIRST
+    region: Array | None = None
+    exclude: tuple[Array, ...] = ()
     keyframes: tuple[Keyframe, ...] = ()
     track: Track | None = field(default=None, repr=False)
     fit: Fit = "stretch"
@@ -148,6 +178,11 @@ class Surface:
         return self.effect == "replace" and not self.flat
 
     @property
+    def tracking_region(self) -> Region:
+        """Where tracking may look."""
+        return Region(self.region, self.exclude)
+
+    @property
     def name(self) -> str | None:
         """The ad's file, as text; None without an ad."""
         return None if self.ad is None else str(self.ad)
@@ -159,12 +194,13 @@ class Surface:
         check_not_negative("feather", self.feather)
         if not isinstance(self.flat, bool):
             raise InputError(f"flat '{self.flat}' is neither true nor false: give one of these")
+        Region(self.region, self.exclude)
         if self.effect != "replace":
             for name in ADS_ALONE:
                 if getattr(self, name) != _DEFAULTS[name]:
                     raise InputError(f"{name} does nothing with effect {self.effect}, which needs no ad: leave it out")
         if self.track is not None:
-            for name in ("quad", "start"):
+            for name in ("quad", "start", "region", "exclude"):
                 if getattr(self, name) is not _DEFAULTS[name]:
                     raise InputError(f"{name} does nothing beside a track, which has its own: leave one of them out")
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import from_corners
+from hdn.imaging.regions import EVERYWHERE, Region
 from hdn.state import STATES, State
 
 from .errors import InputError, RunError
@@ -51,8 +52,10 @@ class Track:
         states: N of 'tracked', 'held', 'lost'.
         confidence: (N,) 0..1.
         deviation: (N,) px, standard deviation of the corners; infinite where they are not measured.
+        warnings: what is wrong with the video, and which frames had better be checked, one sentence each.
         keyframes: corners (4, 2) given by hand, by the frame's index; the track passes through them.
         cuts: indices of frames that begin another shot than the one before them.
+        region: where in the reference frame tracking may look.
     """
 
     source: Source
@@ -66,6 +69,7 @@ class Track:
     warnings: list[str] = field(default_factory=list)
     keyframes: dict[int, Array] = field(default_factory=dict)
     cuts: list[int] = field(default_factory=list)
+    region: Region = EVERYWHERE
 
     def __len__(self) -> int:
         return len(self.states)
@@ -125,6 +129,9 @@ class Track:
             "quad": self.quad.tolist(),
             "keyframes": [{"frame": i, "corners": self.keyframes[i].tolist()} for i in sorted(self.keyframes)],
             "cuts": self.cuts,
+            "region": None if self.region.include is None else self.region.include.tolist(),
+            "exclude": [polygon.tolist() for polygon in self.region.exclude],
+            "warnings": self.warnings,
             "frames": frames,
         }
         path = Path(path)
@@ -195,8 +202,17 @@ def _parse(content: dict[str, Any]) -> Track:
         [f["state"] for f in frames],
         np.array([f["confidence"] for f in frames], np.float64),
         np.array([_deviation(f) for f in frames], np.float64),
-        keyframes=keyframes,
+        [str(w) for w in content.get("warnings", [])],
+        keyframes,
         cuts=[int(c) for c in content.get("cuts", [])],
+        region=_region(content),
+    )
+
+
+def _region(content: dict[str, Any]) -> Region:
+    include, exclude = content.get("region"), content.get("exclude", [])
+    return Region(
+        None if include is None else np.array(include, np.float64), tuple(np.array(p, np.float64) for p in exclude)
     )
 
 

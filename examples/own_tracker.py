@@ -14,6 +14,7 @@ from hdn import Observation
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import transform
 from hdn.imaging.observation import find_keypoints
+from hdn.imaging.regions import EVERYWHERE, Region
 from hdn.state import State
 
 TOLERANCE_PX, MIN_MATCHES = 3.0, 12
@@ -32,9 +33,12 @@ class Answer:
 class SiftTracker:
     """Fits `ar_demo.PlanarTracker`."""
 
-    def init(self, frame: Observation, quad: Array) -> None:
+    def init(self, frame: Observation, quad: Array, region: Region = EVERYWHERE) -> None:
         self.quad = self.corners = quad
-        self.points, self.descriptors = find_keypoints(frame.grey, 1500, within=quad)
+        points, descriptors = find_keypoints(frame.grey, 1500, within=quad)
+        x, y = points.round().astype(int).T
+        allowed = region.mask(*frame.grey.size)[y, x] > 0
+        self.points, self.descriptors = points[allowed], descriptors[allowed]
 
     def place(self, homography: Array) -> None:
         self.corners = transform(homography, self.quad)

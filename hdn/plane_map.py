@@ -18,6 +18,7 @@ from .imaging.homography import from_corners, normalised
 from .imaging.observation import Observation
 from .imaging.pyramid import Pyramid
 from .imaging.quads import outline
+from .imaging.regions import EVERYWHERE, Region
 
 
 @dataclass(frozen=True)
@@ -82,11 +83,12 @@ class PlaneMap:
         coplanar: (n, n) 0..1, how surely each cell moves with the target; 0 in the target itself.
     """
 
-    def __init__(self, frame: Observation, quad: Array, standard_side: int) -> None:
+    def __init__(self, frame: Observation, quad: Array, standard_side: int, region: Region = EVERYWHERE) -> None:
         """Args:
         frame: the reference frame.
         quad: (4, 2) the target's corners in it, px.
         standard_side: px, of the crop in whose pixels covariances are told.
+        region: what a user says of where tracking may look; what it includes is taken to lie on the plane.
         """
         sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
         lengths = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
@@ -94,9 +96,13 @@ class PlaneMap:
         w, h = int(size[0]), int(size[1])
         self._quad = quad
         margin = _margin(quad, w, h)
-        self.level = Level(frame.grey, quad, (w, h), MODEL.blur_px, standard_side, MODEL.points, margin)
+        usable = None if region.is_everywhere else region.mask(*frame.colour.size)
+        self.level = Level(frame.grey, quad, (w, h), MODEL.blur_px, standard_side, MODEL.points, margin, usable)
         cells = self.level.cells
         self.coplanar: Floats = np.full((cells, cells), MODEL.unknown, np.float32)
+        if region.include is not None:
+            self.coplanar[:] = 1
+        self._is_given = region.include is not None
         self.margin, self.lengths = margin, lengths
         self._around = np.ones((cells, cells), bool)
         self._around[margin : cells - margin, margin : cells - margin] = False
@@ -112,6 +118,8 @@ class PlaneMap:
 
     def learn(self, frame: Pyramid, homography: Array) -> None:
         """Learns from a grey frame in which the target is well seen, at a homography (3, 3)."""
+        if self._is_given:
+            return
         search = self.level.rectify(frame, homography)
         cells = self.level.cells
         correlation = self.level.correlation(search)

@@ -11,6 +11,7 @@ from .imaging.homography import normalised, transform
 from .imaging.observation import Observation
 from .imaging.pyramid import Pyramid
 from .imaging.quads import area, is_convex, side
+from .imaging.regions import EVERYWHERE, Region
 from .networks.engine import Engine
 from .plane_map import PlaneMap
 from .proposal import Proposer, Stage
@@ -47,6 +48,7 @@ class Target:
         refiner: photometric refinement.
         redetector: its keypoints.
         plane: what surrounds it on the same plane; it learns.
+        region: where on its plane tracking may look.
     """
 
     quad: Array
@@ -54,13 +56,17 @@ class Target:
     refiner: Refiner
     redetector: Redetector
     plane: PlaneMap
+    region: Region = EVERYWHERE
 
     @classmethod
-    def from_frame(cls, engine: Engine, frame: Observation, quad: Array, stages: frozenset[Stage]) -> "Target":
+    def from_frame(
+        cls, engine: Engine, frame: Observation, quad: Array, stages: frozenset[Stage], region: Region = EVERYWHERE
+    ) -> "Target":
         """Takes a target (4, 2) in the reference frame."""
-        refiner = Refiner(frame, quad)
-        plane = PlaneMap(frame, quad, refiner.standard_side)
-        return cls(quad, Proposer(engine, frame, quad, stages), refiner, Redetector(frame, quad), plane)
+        usable = None if region.is_everywhere else region.mask(*frame.colour.size)
+        refiner = Refiner(frame, quad, usable)
+        plane = PlaneMap(frame, quad, refiner.standard_side, region)
+        return cls(quad, Proposer(engine, frame, quad, stages), refiner, Redetector(frame, quad), plane, region)
 
     @property
     def is_refined(self) -> bool:

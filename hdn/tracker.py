@@ -10,6 +10,7 @@ from .evidence import Evidence, is_hint, is_shown, is_sure_fix, visible_share
 from .imaging.arrays import Array, Floats, Image
 from .imaging.observation import Observation
 from .imaging.quads import check_quad
+from .imaging.regions import EVERYWHERE, Region, check_region
 from .localisation import MODEL as SEARCH
 from .localisation import Candidate, FrameSearch
 from .networks.engine import Engine
@@ -109,18 +110,19 @@ class Tracker:
         """The last pose (3, 3), reference-frame pixels to those of the last frame. Raises InputError before `init`."""
         return self.pose.homography
 
-    def init(self, frame: Image | Observation, quad: Array) -> None:
-        """Takes the target: its quad (4, 2), px, in an RGB frame (H, W, 3).
+    def init(self, frame: Image | Observation, quad: Array, region: Region = EVERYWHERE) -> None:
+        """Takes the target: its quad (4, 2), px, in an RGB frame (H, W, 3), and where on its plane to look.
 
         Trackers of several targets may share one `Observation` of a frame, and what it has computed.
 
         Raises:
-            InputError: the quad is not convex, too small, or not wholly inside the frame.
+            InputError: the quad is not convex, too small, or not wholly inside the frame; the region leaves nothing.
         """
         quad = np.asarray(quad, np.float64)
         seen = _observed(frame)
         check_quad(quad, *seen.colour.size)
-        target = Target.from_frame(self.engine, seen, quad, self.stages)
+        check_region(region, *seen.colour.size)
+        target = Target.from_frame(self.engine, seen, quad, self.stages, region)
         self._state = target, Pose.known(np.eye(3), (seen.grey,))
 
     def place(self, homography: Array) -> None:

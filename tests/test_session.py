@@ -20,6 +20,7 @@ from hdn import Estimate, Observation
 from hdn.evidence import Evidence
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import transform
+from hdn.imaging.regions import EVERYWHERE, Region
 
 from .clips import make_clip
 from .scenes import Scene, path, texture
@@ -31,7 +32,7 @@ OPENCV = OutputOptions(backend="opencv")
 class Still:
     """A tracker that takes the surface for one that does not move."""
 
-    def init(self, frame: Observation, quad: Array) -> None:
+    def init(self, frame: Observation, quad: Array, region: Region = EVERYWHERE) -> None:
         self.quad = self.corners = quad
 
     def place(self, homography: Array) -> None:
@@ -212,3 +213,15 @@ def test_starts_over_where_frames_were_numbered_wrongly(
     assert len(tried) == 2
     assert found.track is not None
     assert found.track.counts["tracked"] == FRAMES
+
+
+def test_warnings_say_which_of_several_surfaces_they_are_of(clip: Path, ad: Path, tmp_path: Path) -> None:
+    with Session(clip, make_tracker=Still) as session:
+        surfaces = session.track([Surface(ad, Scene().quad), Surface(ad, Scene().quad + 5)])
+        tracks = [surface.track for surface in surfaces if surface.track is not None]
+        tracks[0].warnings = ["damaged", "hidden", "blurred"]
+        tracks[1].warnings = ["damaged", "hidden", "far off"]
+        both = session.render(surfaces, tmp_path / "both.mp4", OPENCV).warnings
+        one = session.render(surfaces[1:], tmp_path / "one.mp4", OPENCV).warnings
+    assert both == ["damaged", "hidden", "surface 1: blurred", "surface 2: far off"]
+    assert one == ["damaged", "hidden", "far off"]

@@ -9,6 +9,7 @@ import pytest
 from ar_demo.tracks import Source, Track
 from hdn.errors import InputError, RunError
 from hdn.imaging.homography import transform
+from hdn.imaging.regions import Region
 
 QUAD = np.array([[10.0, 20], [110, 25], [105, 90], [8, 80]])
 
@@ -61,13 +62,31 @@ def test_keyframes_and_cuts_are_kept(track: Track, tmp_path: Path) -> None:
     assert again.given.keys() == {0, 1}
 
 
+def test_warnings_are_kept(track: Track, tmp_path: Path) -> None:
+    track.warnings = ["frames 1 to 2: the surface is hardly seen", "street.mp4 is damaged"]
+    track.save(tmp_path / "t.json")
+    assert Track.load(tmp_path / "t.json").warnings == track.warnings
+
+
+def test_the_region_is_kept(track: Track, tmp_path: Path) -> None:
+    track.region = Region(QUAD * 2, (QUAD[:3], QUAD[1:]))
+    track.save(tmp_path / "t.json")
+    again = Track.load(tmp_path / "t.json").region
+    np.testing.assert_array_equal(again.include, QUAD * 2)
+    np.testing.assert_array_equal(again.exclude, [QUAD[:3], QUAD[1:]])
+
+
 def test_a_file_without_them_loads_as_before(track: Track, tmp_path: Path) -> None:
     path = tmp_path / "t.json"
     track.save(path)
-    old = {key: value for key, value in json.loads(path.read_text()).items() if key not in ("keyframes", "cuts")}
-    path.write_text(json.dumps(old))
+    content = json.loads(path.read_text())
+    for name in ("keyframes", "cuts", "region", "exclude", "warnings"):
+        del content[name]
+    path.write_text(json.dumps(content))
     again = Track.load(path)
     assert (again.keyframes, again.cuts) == ({}, [])
+    assert again.region.is_everywhere
+    assert again.warnings == []
 
 
 @pytest.mark.parametrize(
@@ -77,6 +96,9 @@ def test_a_file_without_them_loads_as_before(track: Track, tmp_path: Path) -> No
         ({"keyframes": [{"frame": 7, "corners": QUAD.tolist()}]}, "frame 7"),
         ({"keyframes": [{"frame": 1, "corners": [[1, 2]]}]}, "damaged"),
         ({"quad": [[1, 2]]}, "damaged"),
+        ({"region": [[1, 2], [3, 4]]}, "three corners"),
+        ({"exclude": [[[1, 1], [9, 9], [9, 1], [1, 9]]]}, "crosses itself"),
+        ({"exclude": [5]}, "three corners"),
         ({"frames": []}, "damaged"),
         ({"frames": [{"index": 0}]}, "damaged"),
         ({"source": {"path": "x"}}, "damaged"),

@@ -1,16 +1,11 @@
 """What the command lines do: thin skins over the Python functions of the same names."""
 
 import json
-import logging
-import sys
 from argparse import Namespace
-from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
-
-from hdn.commandline import DONE, FAILED
 
 from ..errors import InputError
 from ..live import LiveSession
@@ -18,12 +13,13 @@ from ..options import OutputOptions, TrackingOptions
 from ..pipeline import default_output, replace, track
 from ..results import Result
 from ..session import check_output
-from ..surface import Keyframe, Moment, Surface, parse_quad
+from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
 from ..tracking.corrections import needs_correction
 from ..tracks import Track
 from .applicability import STDOUT, check_applicable, flag
 from .bar import Bar
 from .jobs import Job, load_job
+from .reporting import counted, in_words, print_summary, set_up_logging, warn
 from .stdio import standard_output, stopped_by_signals
 
 NO_SURFACE = "say where the surface is: --quad x,y x,y x,y x,y, or --track track.json"
@@ -31,7 +27,7 @@ NO_SURFACE = "say where the surface is: --quad x,y x,y x,y x,y, or --track track
 
 def replace_command(given: Namespace) -> int:
     """ar-replace, by what is given on its command line."""
-    _set_up_logging("quiet" in given)
+    log = set_up_logging("quiet" in given)
     check_applicable(given)
     job = load_job(given.job) if "job" in given else None
     tracking = TrackingOptions(**(job.tracking_options() if job else {}) | _of(TrackingOptions, given))
@@ -51,13 +47,13 @@ def replace_command(given: Namespace) -> int:
     if "json" in given:
         print(json.dumps(result.summary()))
     else:
-        _print(result)
-    return _warn(result.warnings, "strict" in given)
+        print_summary(result)
+    return warn(result.warnings, log, "strict" in given)
 
 
 def track_command(given: Namespace) -> int:
     """ar-track, by what is given on its command line."""
-    _set_up_logging("quiet" in given)
+    log = set_up_logging("quiet" in given)
     check_applicable(given)
     [surface] = _surfaces(given, None)
     _check_tracked(given, [surface])
@@ -70,8 +66,8 @@ def track_command(given: Namespace) -> int:
         summary = {"output": str(output), "frames": len(result), "states": result.counts, "warnings": result.warnings}
         print(json.dumps(summary))
     else:
-        print(f"{output}: {_counted(len(result), 'frame')} ({_in_words(result.counts)})")
-    return _warn(result.warnings, "strict" in given)
+        print(f"{output}: {counted(len(result), 'frame')} ({in_words(result.counts)})")
+    return warn(result.warnings, log, "strict" in given)
 
 
 def _live(
@@ -97,6 +93,10 @@ def _of(kind: type, given: Namespace) -> dict[str, Any]:
             values[name] = Moment.parse(values[name])
     if "quad" in values:
         values["quad"] = parse_quad(values["quad"])
+    if "region" in values:
+        values["region"] = parse_polygon(values["region"])
+    if "exclude" in values:
+        values["exclude"] = tuple(map(parse_polygon, values["exclude"]))
     if "track" in values:
         values["track"] = Track.load(values["track"])
     return values
@@ -110,7 +110,7 @@ def _surfaces(given: Namespace, job: Job | None) -> list[Surface]:
     if "surface" in given:
         return [
             Surface(**values | {"ad": None if ad == "-" else Path(ad), "quad": parse_quad(corners)})
-            for ad, *corners in given.surface
+            for ad, corners in given.surface
         ]
     if "keyframe" in given:
         values["keyframes"] = tuple(map(Keyframe.parse, given.keyframe))
@@ -130,37 +130,3 @@ def _check_tracked(given: Namespace, surfaces: list[Surface]) -> None:
 def _either(name: str, given: Namespace, in_job: Any) -> Any:
     """A file that the command line or the job file names, None for neither; the command line's counts."""
     return getattr(given, name, in_job)
-
-
-def _print(result: Result) -> None:
-    dropped = "" if result.dropped is None else f", {result.dropped} dropped"
-    states = _in_words(result.states) if len(result.surfaces) == 1 else _counted(len(result.surfaces), "surface")
-    print(
-        f"{result.output}: {_counted(result.frames, 'frame')} ({states}), "
-        f"{result.fps:.1f} frames/s{dropped}, {result.compositor}"
-    )
-    for number, surface in enumerate(result.surfaces if len(result.surfaces) > 1 else [], 1):
-        print(f"  surface {number}, {surface['ad'] or 'no ad'}: {_in_words(surface['states'])}")
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" + ("" if count == 1 else "s")
-
-
-def _in_words(states: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {state}" for state, count in states.items())
-
-
-def _set_up_logging(quiet: bool) -> None:
-    handler = logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
-    for name in ("ar_demo", "hdn"):
-        logger = logging.getLogger(name)
-        logger.handlers[:] = [handler]
-        logger.setLevel(logging.ERROR if quiet else logging.INFO)
-
-
-def _warn(warnings: list[str], strict: bool) -> int:
-    for warning in warnings:
-        print(f"warning: {warning}", file=sys.stderr)
-    return FAILED if warnings and strict else DONE

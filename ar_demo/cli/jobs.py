@@ -8,7 +8,9 @@
         {"ad": "shop.mp4", "quad": [[476, 128], [759, 122], [759, 480], [482, 476]]},
         {"ad": "sale.png", "quad": "90,60 210,64 208,170 88,160", "start": "4.5s", "fit": "contain",
          "keyframes": [{"frame": 120, "corners": [[95, 61], [214, 66], [212, 171], [93, 162]]}]},
-        {"effect": "blur", "track": "plate.track.json"}]}
+        {"effect": "blur", "quad": "90,60 210,64 208,170 88,160", "region": "60,40 250,40 250,200 60,200",
+         "exclude": ["100,80 140,80 140,120"]},
+        {"effect": "mosaic", "track": "plate.track.json"}]}
 
 Only "version" and "surfaces" are needed: what the file does not say is as on the command line, where files that are
 named count before the job's. Files are looked for beside the job file. `job.schema.json`, which
@@ -25,12 +27,12 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 
 from ..choices import AudioMode, Backend, Blend, Depth, Device, Effect, Fit, Lost, Playback
 from ..errors import InputError
-from ..surface import Keyframe, Moment, Surface, parse_quad
+from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
 from ..tracks import Track
 
 SCHEMA = Path(__file__).with_name("job.schema.json")
 
-Corners = str | list[tuple[float, float]]  # "x,y x,y x,y x,y", or four pairs of numbers
+Corners = str | list[tuple[float, float]]  # "x,y x,y x,y ...", or pairs of numbers
 When = Annotated[int, Meta(ge=0)] | str  # a frame's number, or a time as "4.5s"
 NotNegative = Annotated[float, Meta(ge=0)]
 
@@ -48,6 +50,8 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     ad: str | UnsetType | None = UNSET
     quad: Corners | UnsetType = UNSET
     start: When | UnsetType = UNSET
+    region: Corners | UnsetType = UNSET
+    exclude: list[Corners] | UnsetType = UNSET
     keyframes: list[KeyframeEntry] | UnsetType = UNSET
     track: str | UnsetType = UNSET
     fit: Fit | UnsetType = UNSET
@@ -70,6 +74,10 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
             given["ad"] = folder / given["ad"]
         if "quad" in given:
             given["quad"] = parse_quad(given["quad"])
+        if "region" in given:
+            given["region"] = parse_polygon(given["region"])
+        if "exclude" in given:
+            given["exclude"] = tuple(map(parse_polygon, given["exclude"]))
         if "start" in given:
             given["start"] = Moment.parse(given["start"])
         if "keyframes" in given:

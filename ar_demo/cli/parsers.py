@@ -1,13 +1,31 @@
 """The arguments of the command lines. What is not given is absent, so that it can be told from a given default."""
 
 import argparse
+import re
+import sys
 from pathlib import Path
+from typing import Any
 
 from hdn.commandline import Parser
 
 from ..choices import CHOICES
 
+CORNER = r"\s*[^\s,]+,[^\s,.]+(\.\d*)?\s*"  # x,y and not a file's name with a comma in it
+CORNERS = re.compile(f"({CORNER})+")
 STATUSES = "Exit status: 0 done, 1 failed while working, 2 wrong input."
+
+
+class _Parser(Parser):
+    """Takes corners that follow each other as one argument, however they are quoted: 'x,y x,y ...'."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        words: list[str] = []
+        for word in sys.argv[1:] if args is None else args:
+            if words and CORNERS.fullmatch(word) and CORNERS.fullmatch(words[-1]):
+                words[-1] += f" {word}"
+            else:
+                words.append(word)
+        return super().parse_known_args(words, namespace)
 
 
 def replace_parser() -> Parser:
@@ -31,9 +49,9 @@ def replace_parser() -> Parser:
     add = parser.add_argument_group("several surfaces").add_argument
     add(
         "--surface",
-        nargs=5,
+        nargs=2,
         action="append",
-        metavar=("AD", "X,Y", "X,Y", "X,Y", "X,Y"),
+        metavar=("AD", "X,Y X,Y X,Y X,Y"),
         help="an ad (- where the effect needs none) and its corners; once for each surface, later ones on top",
     )
     add("--job", type=Path, metavar="JSON", help="a job file: surfaces with options of their own, see the README")
@@ -77,14 +95,30 @@ def track_parser() -> Parser:
 
 
 def _parser(name: str, description: str, epilog: str) -> Parser:
-    parser = Parser(name, description, epilog)
+    parser = _Parser(name, description, epilog)
     parser.argument_default = argparse.SUPPRESS
     return parser
 
 
 def _add_tracking(parser: Parser, use_of_track: str) -> None:
     add = parser.add_argument_group("the surface").add_argument
-    add("--quad", nargs=4, metavar="X,Y", help="its corners: top-left, top-right, bottom-right, bottom-left of the ad")
+    add(
+        "--quad",
+        metavar="X,Y X,Y X,Y X,Y",
+        help="its corners: top-left, top-right, bottom-right, bottom-left of the ad",
+    )
+    add(
+        "--region",
+        metavar="X,Y X,Y X,Y ...",
+        help="polygon to track, in the frame of the quad: around it where more of its plane is seen, or smaller "
+        "(default: found by the tracker)",
+    )
+    add(
+        "--exclude",
+        action="append",
+        metavar="X,Y X,Y X,Y ...",
+        help="polygon that tracking ignores, in the frame of the quad; may be repeated",
+    )
     add("--start", metavar="WHEN", help="frame of the quad: number (120) or time (4.5s, 0:04.5); default 0")
     add("--track", type=Path, metavar="JSON", help=use_of_track)
     add(

@@ -11,6 +11,8 @@ import numpy as np
 from hdn import Observation
 from hdn.better_template import TemplateBuilder
 from hdn.imaging.arrays import Array
+from hdn.imaging.homography import from_corners
+from hdn.imaging.regions import EVERYWHERE, Region
 
 from ..errors import InputError
 from ..media.reader import VideoReader
@@ -40,6 +42,7 @@ class Target:
         keyframes: corners (4, 2) given in other frames, by index.
         builder: puts a better template together from the target's good views; None where none is to be.
         track: what is known so far.
+        region: where tracking may look, in the reference frame.
     """
 
     tracker: PlanarTracker
@@ -49,6 +52,7 @@ class Target:
     keyframes: dict[int, Array]
     builder: TemplateBuilder | None = None
     track: Track | None = None
+    region: Region = EVERYWHERE
 
     @property
     def given(self) -> dict[int, Array]:
@@ -102,6 +106,7 @@ class Passes:
         for target in targets:
             bridge(target.known, range(len(target.known)))
             target.known.warnings = list(self.reader.warnings)
+            target.known.region = target.region
         return [target.known for target in targets]
 
     def correct(self, track: Track, keyframes: Sequence[Keyframe]) -> tuple[Track, np.ndarray]:
@@ -130,7 +135,7 @@ class Passes:
             anew[low : high + 1] = True
 
         target = Target(self.make_tracker(), track.quad, start, track.quad, track.keyframes, track=track)
-        target.tracker.init(self._observation(start), track.quad)
+        target.tracker.init(self._observation(start), track.quad, track.region)
         clear(track, [i for i in np.flatnonzero(anew).tolist() if i not in track.given])
         fix(track, changed)
         self.cuts = set(track.cuts)
@@ -153,8 +158,9 @@ class Passes:
         for surface, quad, start in zip(surfaces, quads, found, strict=True):
             keyframes = keyframes_of(surface.keyframes, quad, start, self.reader.times)
             tracker = self.make_tracker()
-            tracker.init(seen[start], quad)
-            targets.append(Target(tracker, quad, start, quad, keyframes, TemplateBuilder(seen[start], quad)))
+            tracker.init(seen[start], quad, surface.tracking_region)
+            builder = TemplateBuilder(seen[start], quad)
+            targets.append(Target(tracker, quad, start, quad, keyframes, builder, region=surface.tracking_region))
         return targets
 
     def _observation(self, index: int) -> Observation:
@@ -189,7 +195,8 @@ class Passes:
             template = target.builder.build() if target.builder is not None and is_uncertain(target.known) else None
             if template is not None:
                 tracker = self.make_tracker()
-                tracker.init(Observation(template.image), template.quad)
+                region = target.region.transformed(from_corners(target.quad, template.quad))
+                tracker.init(Observation(template.image), template.quad, region)
                 old.append(target)
                 new.append(Target(tracker, template.quad, template.index, template.corners, target.keyframes))
         if not new:

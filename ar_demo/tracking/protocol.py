@@ -6,6 +6,7 @@ from typing import Protocol
 
 from hdn import Observation, Tracker
 from hdn.imaging.arrays import Array
+from hdn.imaging.regions import EVERYWHERE, Region
 from hdn.state import State
 
 from ..options import TrackingOptions
@@ -36,11 +37,11 @@ class Estimate(Protocol):
 class PlanarTracker(Protocol):
     """Follows one planar target. Frames are shared by the trackers of all surfaces: `frame.image` is RGB (H, W, 3)."""
 
-    def init(self, frame: Observation, quad: Array) -> None:
-        """Takes the target: its quad (4, 2), px, in the reference frame.
+    def init(self, frame: Observation, quad: Array, region: Region = EVERYWHERE) -> None:
+        """Takes the target: its quad (4, 2), px, in the reference frame, and where on its plane to look.
 
         Raises:
-            InputError: a quad that cannot be tracked.
+            InputError: a quad or a region that cannot be tracked.
         """
 
     def place(self, homography: Array) -> None:

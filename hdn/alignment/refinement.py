@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from ..imaging.arrays import Array, Floats, Grey, Mask
+from ..imaging.arrays import Array, Floats, Grey, Image, Mask
 from ..imaging.blur import relative_blur, spectral_blur
 from ..imaging.homography import derivative, from_corners, normalised, transform
 from ..imaging.observation import Observation
@@ -56,6 +56,7 @@ class RefinementModel:
     side_to_surroundings: float = 14.0  # the crop's longer side, to the deviation of the Gaussian for the surroundings
     textured_grey: float = 2.0  # grey levels, from which texture is not mere noise
     textured_ratio: float = 0.5  # or to the target's typical cell, of a target that has little texture
+    min_usable: float = 0.5  # share of a cell that may be looked at
     # To the typical cell: with less, light that moves over a cell may pass for something that hides it.
     telling_ratio: float = 0.5
     # Deviation of the corners, as a share of the target's size, that its texture leaves even where all of it is seen,
@@ -121,10 +122,11 @@ class Alignment:
 class Refiner:
     """Aligns frames to one template."""
 
-    def __init__(self, frame: Observation, quad: Array) -> None:
+    def __init__(self, frame: Observation, quad: Array, usable: Image | None = None) -> None:
         """Args:
         frame: the reference frame, which gives the template.
         quad: (4, 2) the target's corners in it, px.
+        usable: (H, W) 255 where the reference frame may be looked at; None takes all of it.
         """
         self._quad = quad
         sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
@@ -133,7 +135,7 @@ class Refiner:
         fine_ratio = np.clip(size.max() / longest, 1, MODEL.max_fine_ratio)
         standard = _crop_size(size, longest)
         self._coarse, self._standard, self._fine = (
-            Level(frame.grey, quad, crop_size, blur, max(standard), points)
+            Level(frame.grey, quad, crop_size, blur, max(standard), points, usable=usable)
             for crop_size, blur, points in (
                 (_crop_size(size, longest * MODEL.coarse_ratio), MODEL.coarse_blur_px, MODEL.coarse_points),
                 (standard, MODEL.standard_blur_px, MODEL.standard_points),
@@ -150,7 +152,8 @@ class Refiner:
         surroundings = cv2.GaussianBlur(raw, (0, 0), max(standard) / MODEL.side_to_surroundings)
         texture = cell_means(np.abs(raw - surroundings))
         typical = float(np.median(texture))
-        self.textured: Mask = texture > min(MODEL.textured_grey, MODEL.textured_ratio * typical)
+        shown = cell_means(self._standard.shown.astype(np.float32)) > MODEL.min_usable
+        self.textured: Mask = shown & (texture > min(MODEL.textured_grey, MODEL.textured_ratio * typical))
         self._telling = self.textured & (texture > MODEL.telling_ratio * typical)
 
     def align(

@@ -36,6 +36,8 @@ OPTIONS: dict[str, list[str]] = {
     "job": ["--job", "job.json"],
     "quad": ["--quad", "20,10", *QUAD[1:]],
     "start": ["--start", "1"],
+    "region": ["--region", "5,5", "95,5", "50,95"],
+    "exclude": ["--exclude", "20,20", "30,20", "30,30"],
     "track": ["--track", "t.json"],
     "keyframe": ["--keyframe", "2:10,10,90,10,90,90,10,99"],
     "end": ["--end", "1"],
@@ -123,7 +125,9 @@ def test_an_option_of_ar_replace_counts_or_is_refused(run: Run, done: list[Any],
         assert before != after, f"{option} made no difference"
 
 
-@pytest.mark.parametrize("option", ["quad", "start", "track", "keyframe", "end", "smooth", "device", "weights"])
+@pytest.mark.parametrize(
+    "option", ["quad", "start", "region", "exclude", "track", "keyframe", "end", "smooth", "device", "weights"]
+)
 @pytest.mark.parametrize("mode", ["quad", "track", "track to correct"])
 def test_an_option_of_ar_track_counts_or_is_refused(run: Run, done: list[Any], mode: str, option: str) -> None:
     usual = [a for a in MODES[mode] if a != "ad.png"]
@@ -146,6 +150,9 @@ def test_an_option_of_ar_track_counts_or_is_refused(run: Run, done: list[Any], m
         ["in.mp4", "--job", "job.json", "--keyframe", "4:1,2,3,4,5,6,7,8"],
         ["in.mp4", "ad.png", "--track", "t.json", "--end", "3"],
         ["in.mp4", "ad.png", "--track", "t.json", "--quad", *QUAD],
+        ["in.mp4", "ad.png", "--track", "t.json", "--region", *QUAD],
+        ["in.mp4", "--surface", "a.png", *QUAD, "--exclude", *QUAD],
+        ["in.mp4", "--job", "job.json", "--region", *QUAD],
         ["0", "ad.png", "--live", "--quad", *QUAD, "-o", "-", "--codec", "libx264"],
         ["0", "ad.png", "--live", "--quad", *QUAD, "-o", "-", "--crf", "20"],
         ["0", "ad.png", "--live", "--quad", *QUAD, "--save-track", "t.json"],
@@ -161,6 +168,51 @@ def test_options_of_tracking_do_nothing_for_a_complete_track(run: Run, done: lis
     code, _, err = run(*MODES["track"], "--smooth", "2")
     assert (code, done) == (2, [])
     assert "--smooth does nothing, for the track is complete" in err
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        ["10,10", "90,10", "90,90", "10,90"],
+        ["10,10 90,10 90,90 10,90"],
+        ["10,10 90,10", " 90,90  10,90 "],
+    ],
+)
+@pytest.mark.parametrize("option", ["--quad", "--region", "--surface"])
+def test_corners_are_one_argument_or_several(run: Run, done: list[Any], option: str, corners: list[str]) -> None:
+    others = ["ad.png"] if option != "--surface" else []
+    before = [*others, *(["--quad", *QUAD] if option == "--region" else [])]
+    given = ["--surface", "ad.png", *corners] if option == "--surface" else [option, *corners]
+    assert run("in.mp4", *before, *given)[0] == 0
+    [(_, _, [surface], *_)] = done
+    polygon = surface["region" if option == "--region" else "quad"]
+    np.testing.assert_array_equal(polygon, [[10, 10], [90, 10], [90, 90], [10, 90]])
+
+
+def test_files_may_come_after_corners(run: Run, done: list[Any]) -> None:
+    code, _, err = run("--quad", *QUAD, "--exclude", "-5,20", "30,20", "30,30", "a,b.mp4", "ad.png")
+    assert code == 0, err
+    [(_, input, [surface], *_)] = done
+    assert str(input) == "a,b.mp4"
+    np.testing.assert_array_equal(surface["exclude"], [[[-5, 20], [30, 20], [30, 30]]])
+
+
+@pytest.mark.parametrize(
+    ("polygon", "message"),
+    [
+        (["10,10", "90,10"], "three corners"),
+        (["10,10", "90,90", "90,10", "10,90"], "crosses itself"),
+        (["10,10", "50,50", "90,90"], "flat"),
+    ],
+)
+@pytest.mark.parametrize("option", ["--region", "--exclude"])
+def test_refuses_polygons_that_are_none(
+    run: Run, done: list[Any], option: str, polygon: list[str], message: str
+) -> None:
+    code, _, err = run(*MODES["quad"], option, *polygon)
+    assert (code, done) == (2, [])
+    assert err.count("\n") == 1
+    assert message in err
 
 
 def test_only_live_use_writes_to_standard_output(run: Run, done: list[Any]) -> None:
@@ -180,6 +232,19 @@ def test_the_command_line_counts_before_the_job(run: Run, done: list[Any]) -> No
     assert (str(input), str(output), tracking.smooth, options.crf, options.audio) == ("a.mp4", "b.mp4", 3, 20, "none")
     assert (str(other_input), str(other_output), other_tracking.smooth) == ("in.mp4", "c.mp4", 0)
     assert (others.crf, others.audio) == (25, "none")
+
+
+@pytest.mark.parametrize("quiet", [(), ("--quiet",)])
+def test_warnings_of_a_track_are_told_once(run: Run, done: list[Any], quiet: tuple[str, ...]) -> None:
+    track = Track.load("t.json")
+    track.warnings = ["frames 1 to 2: hardly seen"]
+    track.save("t.json")
+    told = ["in.mp4", "--quad", *QUAD, "--overwrite", "--json", *quiet]
+    code, out, err = run(*told, main=entry.track_main)
+    assert (code, err) == (0, "warning: frames 1 to 2: hardly seen\n")
+    assert '"warnings": ["frames 1 to 2: hardly seen"]' in out
+    assert run(*told, "--strict", main=entry.track_main)[0] == 1
+    assert Track.load("in.track.json").warnings == track.warnings
 
 
 def test_parsers_have_no_defaults() -> None:

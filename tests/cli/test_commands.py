@@ -244,10 +244,9 @@ def test_a_truncated_video_is_rendered_as_far_as_it_goes(
     out = tmp_path / "out.mp4"
     code, printed, err = run(clip, ad, *quad_arguments(truth[0]), "-o", out, "--json", "--backend", "opencv", *strict)
     assert code == expected
-    assert "warning: " in err
     summary = json.loads(printed)
     assert 0 < summary["frames"] < FRAMES
-    assert summary["warnings"]
+    assert [err.count(warning) for warning in summary["warnings"]] == [1] * len(summary["warnings"]) != []
     with VideoReader(out) as reader:
         assert sum(1 for _ in reader.frames()) == summary["frames"]
 

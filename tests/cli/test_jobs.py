@@ -21,6 +21,7 @@ def write(folder: Path, **content: Any) -> Path:
 
 
 def test_a_whole_job(tmp_path: Path) -> None:
+    region = {"region": "0,0 99,0 50,99", "exclude": [QUAD, [[1, 2], [3, 4], [5, 1]]]}
     corrected = {"frame": "1s", "corners": QUAD}
     job = load_job(
         write(
@@ -30,7 +31,7 @@ def test_a_whole_job(tmp_path: Path) -> None:
             save_track="t.json",
             tracking={"end": "2s", "smooth": 2, "weights": "w.safetensors"},
             rendering={"audio": "mix", "crf": 20, "overwrite": True},
-            surfaces=[{"ad": "a.png", "quad": QUAD, "blend": "screen", "keyframes": [corrected]}],
+            surfaces=[{"ad": "a.png", "quad": QUAD, "blend": "screen", "keyframes": [corrected], **region}],
         )
     )
     assert (job.input, job.output, job.save_track) == (tmp_path / "in.mp4", tmp_path / "out/o.mp4", tmp_path / "t.json")
@@ -40,6 +41,8 @@ def test_a_whole_job(tmp_path: Path) -> None:
     assert (surface.ad, surface.blend, surface.lost) == (tmp_path / "a.png", "screen", "hide")
     assert surface.keyframes[0].at == Moment.parse("1s")
     np.testing.assert_array_equal(surface.quad, [[0, 0], [90, 0], [90, 90], [0, 90]])
+    np.testing.assert_array_equal(surface.region, [[0, 0], [99, 0], [50, 99]])
+    np.testing.assert_array_equal(surface.exclude[1], [[1, 2], [3, 4], [5, 1]])
 
 
 def test_files_that_are_not_named_are_none(tmp_path: Path) -> None:
@@ -65,6 +68,8 @@ def test_files_that_are_not_named_are_none(tmp_path: Path) -> None:
         ('{"version": 1, "surfaces": [{"quad": "Q", "keyframes": [{"frame": 3}]}]}', r"keyframes\[0\]"),
         ('{"version": 1, "surfaces": [{"quad": "Q", "start": "soon"}]}', r"soon.*\$.surfaces\[0\]"),
         ('{"version": 1, "surfaces": [{"quad": "Q", "ad": "a.png", "effect": "blur"}]}', "ad does nothing"),
+        ('{"version": 1, "surfaces": [{"quad": "Q", "region": "1,2 3,4"}]}', r"three corners.*\$.surfaces\[0\]"),
+        ('{"version": 1, "surfaces": [{"quad": "Q", "exclude": ["0,0 9,9 9,0 0,9"]}]}', r"crosses.*\$.surfaces\[0\]"),
         ('{"version": 1, "surfaces": [{"track": "none.json"}]}', "none.json"),
         ('{"version": 1, "surfaces": [{"quad": "Q"}], "rendering": {"crf": 99}}', r"\$.rendering.crf"),
     ],

@@ -19,6 +19,7 @@ from hdn.errors import InputError
 from hdn.evidence import Evidence
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import transform
+from hdn.imaging.regions import EVERYWHERE, Region
 from hdn.state import State
 from hdn.tracker import Estimate
 
@@ -54,12 +55,14 @@ class World:
         hidden: frames in which it cannot be found; faint: in which it can be by one who knew where it was before.
         bias: px by which the tracker is off along x, by frame.
         seen: frames that were tracked, in their order.
+        regions: where trackers were told to look.
     """
 
     hidden: set[int] = field(default_factory=set)
     faint: set[int] = field(default_factory=set)
     bias: Callable[[int], float] = lambda index: 0.0
     seen: list[int] = field(default_factory=list)
+    regions: list[Region] = field(default_factory=list)
 
 
 class Scripted:
@@ -68,8 +71,9 @@ class Scripted:
     def __init__(self, world: World) -> None:
         self.world = world
 
-    def init(self, frame: Image | Observation, quad: Array) -> None:
+    def init(self, frame: Image | Observation, quad: Array, region: Region = EVERYWHERE) -> None:
         self.quad = quad
+        self.world.regions.append(region)
         self.shift = quad - truth(number_of(frame.image if isinstance(frame, Observation) else frame))
         self.place(np.eye(3))
 
@@ -271,3 +275,14 @@ def test_refuses_keyframes_that_cannot_be(world: World, clip: Path, given: list[
     known = track(clip, Surface(quad=QUAD), world)
     with pytest.raises(InputError, match=message):
         track(clip, Surface(track=known, keyframes=tuple(given)), world)
+
+
+def test_every_tracker_is_told_where_to_look_and_the_track_remembers(world: World, clip: Path) -> None:
+    region = np.array([[5.0, 5], [100, 5], [60, 90]])
+    surface = Surface(quad=QUAD, region=region, exclude=(QUAD[:3],))
+    found = track(clip, surface, world)
+    again = track(clip, Surface(track=found, keyframes=(keyframe(40, truth(40) + 1),)), world)
+    assert len(world.regions) == 2
+    for told in (*world.regions, found.region, again.region):
+        np.testing.assert_array_equal(told.include, region)
+        np.testing.assert_array_equal(told.exclude, [QUAD[:3]])

@@ -1,0 +1,69 @@
+"""What the command lines tell: the log, the summary, and warnings, each of these once."""
+
+import logging
+import sys
+from collections.abc import Mapping, Sequence
+
+from hdn.commandline import DONE, FAILED
+
+from ..results import Result
+
+
+class Log(logging.StreamHandler):  # type: ignore[type-arg]
+    """Writes the log to stderr, each warning once.
+
+    Attributes:
+        warned: the warnings that it wrote.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
+        self.warned: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.levelno == logging.WARNING:
+            if record.getMessage() in self.warned:
+                return
+            self.warned.add(record.getMessage())
+        super().emit(record)
+
+
+def set_up_logging(quiet: bool) -> Log:
+    """The log of ours, on stderr; where it is to be quiet, of errors alone."""
+    log = Log()
+    for name in ("ar_demo", "hdn"):
+        logger = logging.getLogger(name)
+        logger.handlers[:] = [log]
+        logger.setLevel(logging.ERROR if quiet else logging.INFO)
+    return log
+
+
+def print_summary(result: Result) -> None:
+    """One line, and one more for each of several surfaces."""
+    dropped = "" if result.dropped is None else f", {result.dropped} dropped"
+    states = in_words(result.states) if len(result.surfaces) == 1 else counted(len(result.surfaces), "surface")
+    print(
+        f"{result.output}: {counted(result.frames, 'frame')} ({states}), "
+        f"{result.fps:.1f} frames/s{dropped}, {result.compositor}"
+    )
+    for number, surface in enumerate(result.surfaces if len(result.surfaces) > 1 else [], 1):
+        print(f"  surface {number}, {surface['ad'] or 'no ad'}: {in_words(surface['states'])}")
+
+
+def warn(warnings: Sequence[str], log: Log, strict: bool) -> int:
+    """Writes the warnings that the log has not written yet to stderr; the exit status."""
+    for warning in dict.fromkeys(warnings):
+        if warning not in log.warned:
+            print(f"warning: {warning}", file=sys.stderr)
+    return FAILED if warnings and strict else DONE
+
+
+def counted(count: int, noun: str) -> str:
+    """As in '3 frames'."""
+    return f"{count} {noun}" + ("" if count == 1 else "s")
+
+
+def in_words(states: Mapping[str, int]) -> str:
+    """As in '20 tracked, 3 held, 1 lost'."""
+    return ", ".join(f"{count} {state}" for state, count in states.items())
