@@ -3,34 +3,53 @@
 import argparse
 import logging
 import sys
+from collections.abc import Iterable, Mapping
 from collections.abc import Sequence as Many
 from fnmatch import fnmatchcase
 from pathlib import Path
+from types import MappingProxyType
 
 from ..commandline import Parser, run
 from ..errors import InputError
 from .datasets import READERS, open_dataset
 from .degradation import DEGRADATIONS
 from .evaluation import Evaluation
+from .running import ClipTracker
 from .sequences import Sequence
 from .trackers import TRACKERS, weights_of
 
 
 def main(arguments: Many[str] | None = None) -> None:
     """Entry point of hdn-eval."""
-    sys.exit(run(_command, arguments, "finished tracks are kept, the same command goes on from there"))
+    sys.exit(run(command, arguments, "finished tracks are kept, the same command goes on from there"))
 
 
-def _command(arguments: Many[str] | None) -> int:
-    options = _parser().parse_args(arguments)
+def command(
+    arguments: Many[str] | None,
+    program: str = "hdn-eval",
+    trackers: Many[str] = ("hdn",),
+    clip_trackers: Mapping[str, ClipTracker] = MappingProxyType({}),
+) -> int:
+    """What hdn-eval does, and returns its exit status.
+
+    Args:
+        program: by which name it was called.
+        trackers: by default.
+        clip_trackers: what can be compared beside TRACKERS; they take the weights that hdn takes.
+
+    Raises:
+        InputError, RunError: wrong input; a run failed.
+    """
+    options = _parser(program, trackers, clip_trackers).parse_args(arguments)
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING)
     if options.workers < 1 or (options.limit is not None and options.limit < 2):
         raise InputError("--workers takes 1 or more, --limit 2 or more")
-    weights = {name: weights_of(name, options.weights) for name in dict.fromkeys(options.trackers)}
+    names = {name: "hdn" if name in clip_trackers else name for name in options.trackers}
+    weights = {name: weights_of(alike, options.weights) for name, alike in names.items()}
     unused = [str(path) for path in options.weights if path not in weights.values()]
     if unused:
         raise InputError(f"none of the trackers takes {unused[0]}: name one that does with --trackers")
-    evaluation = Evaluation(_sequences(options), weights, options.out)
+    evaluation = Evaluation(_sequences(options), weights, options.out, clip_trackers)
     evaluation.run(options.workers, options.fresh)
     markdown = evaluation.write()
     if markdown and not options.quiet:
@@ -40,9 +59,9 @@ def _command(arguments: Many[str] | None) -> int:
     return 0
 
 
-def _parser() -> Parser:
+def _parser(program: str, trackers: Many[str], clip_trackers: Iterable[str]) -> Parser:
     parser = Parser(
-        prog="hdn-eval",
+        prog=program,
         description="Run planar trackers over data sets and compare them. Each runs once over each clip, from its "
         "first frame. Finished tracks are kept: the same command after an interruption goes on from there, and runs "
         "again only what its code or weights have changed for.",
@@ -55,7 +74,11 @@ def _parser() -> Parser:
         help=f"a folder whose layout is recognised, or READER:FOLDER; readers: {', '.join(READERS)}",
     )
     parser.add_argument(
-        "--trackers", nargs="+", default=["hdn"], metavar="NAME", help=f"default hdn; of {', '.join(TRACKERS)}"
+        "--trackers",
+        nargs="+",
+        default=trackers,
+        metavar="NAME",
+        help=f"default {' '.join(trackers)}; of {', '.join((*clip_trackers, *TRACKERS))}",
     )
     parser.add_argument(
         "--weights",
@@ -63,7 +86,7 @@ def _parser() -> Parser:
         type=Path,
         default=[],
         metavar="FILE",
-        help="for the trackers called hdn*, each of the configuration that it names: a compact file instead of the "
+        help="for the trackers that are ours, each of the configuration that it names: a compact file instead of the "
         "shipped one, a paper one for hdn-paper and hdn-authors, which need it",
     )
     degradations = "; ".join(f"{name}: {text.replace('%', '%%')}" for name, text in DEGRADATIONS.items())

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Mapping
 from collections.abc import Sequence as Many
 from pathlib import Path
+from types import MappingProxyType
 
 from tqdm import tqdm
 
@@ -13,7 +14,7 @@ from .identity import made_by
 from .metrics import measure
 from .plots import write_plots
 from .report import Result, by_tracker, write_sheet, write_tables
-from .running import Job, run_all
+from .running import ClipTracker, Job, run_all
 from .sequences import Sequence
 from .trackers import make_tracker
 
@@ -26,20 +27,30 @@ class Evaluation:
     Args:
         trackers: names, each with its weights (see `weights_of`).
         out: the folder to write.
+        clip_trackers: what `trackers` names beside those of this package.
 
     Raises:
         InputError: an unknown tracker, or two sequences of the same name.
     """
 
-    def __init__(self, sequences: Many[Sequence], trackers: Mapping[str, Path | None], out: Path) -> None:
-        for name, path in trackers.items():
-            make_tracker(name, path)  # says now what is missing
+    def __init__(
+        self,
+        sequences: Many[Sequence],
+        trackers: Mapping[str, Path | None],
+        out: Path,
+        clip_trackers: Mapping[str, ClipTracker] = MappingProxyType({}),
+    ) -> None:
         self.out = out
-        self.jobs = [
-            Job(s, name, out / "tracks" / s.dataset / name / f"{s.name}.json", path, made_by(path))
-            for name, path in trackers.items()
-            for s in sequences
-        ]
+        self.jobs: list[Job] = []
+        for name, path in trackers.items():
+            of_clips = clip_trackers.get(name)
+            if of_clips is None:
+                make_tracker(name, path)  # says now what is missing
+            code = made_by(path) if of_clips is None else of_clips.made_by(path)
+            self.jobs += [
+                Job(s, name, out / "tracks" / s.dataset / name / f"{s.name}.json", path, code, of_clips)
+                for s in sequences
+            ]
         self.failures: list[str] = []
         if len({job.path for job in self.jobs}) < len(self.jobs):
             raise InputError("two data sets have the same name and sequences: give each its own run and --out")
@@ -65,7 +76,7 @@ class Evaluation:
                 continue  # it failed
             truth = job.sequence.truth[: len(track.corners)]
             try:
-                measures = measure(truth, track.corners, track.lost, track.seconds)
+                measures = measure(truth, track.corners, track.states, track.seconds)
             except InputError as error:
                 log.warning("%s is left out: %s", job.title, error)
                 continue

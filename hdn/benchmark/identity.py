@@ -39,9 +39,14 @@ def tracker_sources() -> list[Path]:
     return sources(HERE.parent, NOT_TRACKING)
 
 
+def frame_sources() -> list[Path]:
+    """The files that make a sequence's frames of its source."""
+    return [HERE / "sequences.py", HERE / "degradation.py"]
+
+
 def made_by(weights: Path | None) -> str:
     """The digest of what makes a track besides the frames: one of ours with its weights, or a peer (None)."""
-    files = [HERE / name for name in ("trackers.py", "sequences.py", "degradation.py")]
+    files = [HERE / "trackers.py", *frame_sources()]
     if weights is None:
         return f"{digest([*files, *sources(HERE.parent / 'imaging')])}, OpenCV {cv2.__version__}"
     return digest([*files, *tracker_sources(), weights])

@@ -37,6 +37,7 @@ class FailureLimits:
     failure_overlap: float = 0.2  # intersection over union at or under which a trajectory is broken
     fragment_frames: int = 10  # a shorter trajectory is a fragment
     recovered_px: float = 10.0  # alignment error at which a failure is over
+    tracked_px: float = 10.0  # alignment error over which a frame ought not to be called tracked
 
 
 LIMITS = FailureLimits()
@@ -54,6 +55,7 @@ class Measures:
         lengths: (R,) of the trajectories between failures, frames.
         jitter: (K,) second difference of the error from one known frame to the next, px, root mean square over corners.
         lost: (M,) 1 where the tracker said "lost" though the target was there to be seen, else 0.
+        tracked: (M,) 1 where the tracker said "tracked", else 0.
         recoveries: (F,) frames from each failure until it was over, or until the end.
         seconds: (T,) that each call of the tracker took.
     """
@@ -65,17 +67,18 @@ class Measures:
     lengths: Array
     jitter: Array
     lost: Array
+    tracked: Array
     recoveries: Array
     seconds: Array
 
 
-def measure(truth: Array, corners: Array, lost: Flags, seconds: Array) -> Measures:
+def measure(truth: Array, corners: Array, states: Many[str], seconds: Array) -> Measures:
     """Compares a track with the truth.
 
     Args:
         truth: (N, 4, 2) px, NaN where unknown; its first row is what the tracker was given, or NaN.
         corners: (N, 4, 2) px, NaN where the tracker gave none; the first row is the quad that it was given.
-        lost: (N,) true where the tracker said that the target is lost.
+        states: (N,) what the tracker said: "tracked", "held" or "lost".
         seconds: (N - 1,) that the tracker took for each frame but the first.
 
     Raises:
@@ -87,6 +90,7 @@ def measure(truth: Array, corners: Array, lost: Flags, seconds: Array) -> Measur
         raise InputError("no frame but the first has known corners: nothing can be measured")
     there, answer = truth[known], corners[known]
     answered: Flags = np.asarray(np.isfinite(answer).all((1, 2)))
+    said = np.array(states)[known]
     triples = list(zip(there, answer, answered, strict=True))
     errors = np.where(answered, alignment_errors(there, answer), np.inf)
     apart = np.linalg.norm(centroids(there) - centroids(np.nan_to_num(answer)), axis=1)
@@ -98,7 +102,8 @@ def measure(truth: Array, corners: Array, lost: Flags, seconds: Array) -> Measur
         overlaps=overlaps,
         lengths=trajectory_lengths(known, overlaps),
         jitter=jitter(known, answer - there),
-        lost=(lost[known] | ~answered).astype(np.float64),
+        lost=((said == "lost") | ~answered).astype(np.float64),
+        tracked=((said == "tracked") & answered).astype(np.float64),
         recoveries=recoveries(known, overlaps, errors),
         seconds=seconds,
     )
@@ -118,6 +123,7 @@ def figures(m: Measures) -> dict[str, float]:
         avg SR: mean share of frames with an overlap above 0..1.
         fragments: share of trajectories shorter than 10 frames (in a sequence shorter than that, all are).
         median error: px. jitter: median, px. lost wrongly: share of frames.
+        tracked wrongly: share of the frames said to be tracked that err by more than LIMITS.tracked_px.
         frames to recover: mean. ms: mean time a frame.
     """
     return {
@@ -130,6 +136,7 @@ def figures(m: Measures) -> dict[str, float]:
         "median error": float(np.median(m.errors)),
         "jitter": float(np.median(m.jitter)) if len(m.jitter) else np.nan,
         "lost wrongly": float(m.lost.mean()),
+        "tracked wrongly": _mean((m.errors[m.tracked > 0] > LIMITS.tracked_px).astype(float).tolist()),
         "frames to recover": float(m.recoveries.mean()) if len(m.recoveries) else np.nan,
         "ms": 1000 * float(m.seconds.mean()) if len(m.seconds) else np.nan,
     }

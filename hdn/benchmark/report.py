@@ -89,13 +89,13 @@ def averages(groups: dict[str, list[Result]]) -> dict[str, dict[str, dict[str, f
     }
 
 
-def attribute_table(groups: dict[str, list[Result]]) -> dict[str, dict[str, float]]:
-    """Each tracker's average precision for each attribute, mean over its sequences."""
+def attribute_table(groups: dict[str, list[Result]], figure: str = "avg Prec") -> dict[str, dict[str, float]]:
+    """Each tracker's average precision, or another figure, for each attribute, mean over its sequences."""
     attributes = sorted({a for group in groups.values() for r in group for a in r.sequence.attributes})
     table: dict[str, dict[str, float]] = {}
     for tracker, group in groups.items():
         having = {a: [r.measures for r in group if a in r.sequence.attributes] for a in attributes}
-        table[tracker] = {a: mean_figures(m)["avg Prec"] if m else math.nan for a, m in having.items()}
+        table[tracker] = {a: mean_figures(m)[figure] if m else math.nan for a, m in having.items()}
     return table
 
 

@@ -15,11 +15,12 @@ import numpy as np
 
 from ..errors import InputError, RunError
 from ..imaging.arrays import Array, Image
-from .metrics import Flags
 from .sequences import Sequence
 from .trackers import LOST, Answer, make_tracker
 
 log = logging.getLogger(__name__)
+
+FAILURES = (cv2.error, ValueError, RuntimeError, np.linalg.LinAlgError)  # of a tracker
 
 Done = Callable[[str], None]
 
@@ -38,10 +39,19 @@ class Track:
     states: tuple[str, ...]
     seconds: Array
 
-    @property
-    def lost(self) -> Flags:
-        """(N,) where the tracker said that the target is lost."""
-        return np.array([state == "lost" for state in self.states])
+
+@dataclass(frozen=True)
+class ClipTracker:
+    """What tracks a whole clip at once, knowing the frames to come, unlike the trackers of `trackers`.
+
+    Attributes:
+        track: from a sequence and the weights to take, its track; raises InputError or RunError. Other processes must
+            find the function: it is one of a module.
+        made_by: the code and weights that make the tracks, as `identity.made_by` says it of other trackers.
+    """
+
+    track: Callable[[Sequence, Path | None], Track]
+    made_by: Callable[[Path | None], str]
 
 
 @dataclass(frozen=True)
@@ -49,6 +59,7 @@ class Job:
     """One tracker on one sequence, and the file for its track.
 
     weights: of ours; None for a peer. made_by: the code and weights that make the track, see `identity.made_by`.
+    clip_tracker: what tracks the whole clip at once; None where the tracker is one of `trackers`.
     """
 
     sequence: Sequence
@@ -56,6 +67,7 @@ class Job:
     path: Path
     weights: Path | None = None
     made_by: str = ""
+    clip_tracker: ClipTracker | None = None
 
     @property
     def title(self) -> str:
@@ -111,6 +123,13 @@ def run(job: Job) -> Track:
         InputError: the frames cannot be read, or there are fewer than two.
         RunError: the tracker failed.
     """
+    if job.clip_tracker is not None:
+        try:
+            return job.clip_tracker.track(job.sequence, job.weights)
+        except (InputError, RunError):
+            raise
+        except FAILURES as error:
+            raise RunError(f"{job.title} failed: {_reason(error)}") from error
     sequence, tracker = job.sequence, make_tracker(job.tracker, job.weights)
     frames = sequence.frames()
     first = next(frames, None)
@@ -127,9 +146,8 @@ def run(job: Job) -> Track:
         start = perf_counter()
         try:
             found = answer(frame)
-        except (cv2.error, ValueError, RuntimeError, np.linalg.LinAlgError) as error:
-            reason = str(error).strip().splitlines()[-1:] or [type(error).__name__]
-            raise RunError(f"{job.title} failed in frame {len(corners)}: {reason[0]}") from error
+        except FAILURES as error:
+            raise RunError(f"{job.title} failed in frame {len(corners)}: {_reason(error)}") from error
         seconds.append(perf_counter() - start)
         corners.append(np.full((4, 2), np.nan) if found.corners is None else found.corners)
         states.append(found.state)
@@ -179,6 +197,10 @@ def _run_and_save(job: Job) -> str | None:
     except (InputError, RunError) as error:
         return str(error)
     return None
+
+
+def _reason(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[-1]
 
 
 def _limit_threads(threads: int) -> None:

@@ -46,13 +46,17 @@ class Sequence:
         Raises:
             InputError: the video or an image cannot be read.
         """
-        known = np.asarray(np.isfinite(self.truth).all((1, 2)))
-        corners = self.quad
+        corners = self._everywhere()
         for index, frame in enumerate(islice(self._read(), 0, self.step * len(self.truth), self.step)):
-            if known[index]:
-                corners = self.truth[index]
-            progress = index / max(len(self.truth) - 1, 1)
-            yield degrade(frame, self.degradation, index, progress, corners) if self.degradation else frame
+            yield degrade(frame, self.degradation, index, corners) if self.degradation else frame
+
+    def _everywhere(self) -> Array:
+        """The corners (N, 4, 2) of all frames: where they are not known, between those known before and after."""
+        rows = self.truth.reshape(-1, 8).copy()
+        rows[0] = self.quad.ravel()
+        known = np.flatnonzero(np.isfinite(rows).all(1))
+        columns = [np.interp(np.arange(len(rows)), known, column) for column in rows[known].T]
+        return np.stack(columns, 1).reshape(-1, 4, 2)
 
     def limited(self, frames: int | None) -> "Sequence":
         """Only its first frames; None keeps them all."""

@@ -34,7 +34,7 @@ def measured(folder: Path, tracker: str = "hdn") -> Precision:
     found: Precision = {}
     for sequence in open_dataset(f"clips:{folder}"):
         track = run(Job(sequence, tracker, folder / "unused"))
-        errors = measure(sequence.truth, track.corners, track.lost, track.seconds).errors
+        errors = measure(sequence.truth, track.corners, track.states, track.seconds).errors
         found[sequence.attributes[0]] = float(within(errors, PRECISION_THRESHOLDS).mean())
     return {"mean": sum(found.values()) / len(found)} | found
 

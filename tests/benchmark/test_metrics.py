@@ -23,9 +23,13 @@ def still(frames: int, offsets: dict[int, tuple[float, float]] | None = None) ->
     return corners
 
 
-def compare(truth: Array, corners: Array, lost: list[int] | None = None, seconds: float = 0.01) -> Measures:
-    said = np.zeros(len(truth), bool)
-    said[lost or []] = True
+def compare(
+    truth: Array, corners: Array, lost: list[int] | None = None, seconds: float = 0.01, held: list[int] | None = None
+) -> Measures:
+    said = [
+        "lost" if frame in (lost or []) else "held" if frame in (held or []) else "tracked"
+        for frame in range(len(truth))
+    ]
     return measure(truth, corners, said, np.full(len(truth) - 1, seconds))
 
 
@@ -134,6 +138,15 @@ def test_frames_lost_wrongly() -> None:
     corners = still(6)
     corners[5] = np.nan  # no answer is as good as "lost"
     assert figures(compare(truth, corners, lost=[3, 4]))["lost wrongly"] == pytest.approx(2 / 4)
+
+
+def test_frames_tracked_wrongly() -> None:
+    corners = still(8, {1: (11, 0), 2: (9, 0), 3: (30, 0), 4: (0, 30), 5: (40, 0)})
+    corners[6] = np.nan  # no answer is none that is wrong, whatever it is called
+    m = compare(still(8), corners, lost=[3], held=[4])
+    assert m.tracked.tolist() == [1, 1, 0, 0, 1, 0, 1]
+    assert figures(m)["tracked wrongly"] == pytest.approx(2 / 4)
+    assert np.isnan(figures(compare(still(3), still(3), lost=[1, 2]))["tracked wrongly"])
 
 
 @pytest.mark.parametrize(
