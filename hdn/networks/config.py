@@ -63,4 +63,6 @@ PAPER = Config(
     half=False,
 )
 
+MATTE_SIZE = 128  # px of the square crops that the matte network compares
+
 CONFIGS = {config.name: config for config in (COMPACT, PAPER)}

@@ -1,4 +1,4 @@
-"""HDN from PyTorch to OpenVINO's models, for running it on a CPU and for shipping it.
+"""Networks from PyTorch to OpenVINO's models, for running them on a CPU and for shipping them.
 
 `openvino.convert_model` does as much, but runs each module four times to convert it, and reports to its makers. So the
 modules are traced here and given to its front end.
@@ -13,10 +13,12 @@ from openvino.passes import ConstantFolding, Manager
 from torch import Tensor, nn
 
 from ..errors import InputError, RunError
-from .config import PAPER
+from . import matte_network
+from .config import CONFIGS, MATTE_SIZE, PAPER
 from .openvino import Models, ov, write_ir
 from .parts import Compare, Correlate, Describe, Encode, OfImage
 from .pytorch import Hdn, load
+from .weights import MATTE, architecture
 
 
 def pack_ir(weights: Path) -> Path:
@@ -29,11 +31,12 @@ def pack_ir(weights: Path) -> Path:
         InputError: it is no weights file, or of the paper's configuration.
         RunError: the file cannot be written.
     """
-    network = load(weights)
-    if network.config is PAPER:
+    name = architecture(weights, [*CONFIGS, MATTE])
+    if name == PAPER.name:
         raise InputError(f"{weights} is of the paper's configuration, which runs with PyTorch alone: leave it as it is")
+    made = matte_models(matte_network.load(weights)) if name == MATTE else models(load(weights))
     try:
-        return write_ir(models(network), weights)
+        return write_ir(made, weights)
     except OSError as error:
         raise RunError(f"networks beside {weights} cannot be written ({error}): make its folder writable") from error
 
@@ -61,11 +64,26 @@ def models(network: Hdn) -> Models:
     found["survey"] = found["translation"].clone()
     found["survey"].reshape({0: list(kernel.shape), 1: [1, -1, -1, 3]})
     for model in found.values():
-        model.validate_nodes_and_infer_types()
-        folding = Manager()
-        folding.register_pass(ConstantFolding())
-        folding.run_passes(model)
+        fold(model)
     return found
+
+
+def matte_models(network: matte_network.MatteNetwork) -> Models:
+    """The matte network, of crops of its size."""
+    n = MATTE_SIZE
+    crop, known = torch.zeros(1, n, n, 3, dtype=torch.uint8), torch.zeros(1, n, n, dtype=torch.uint8)
+    model = convert(matte_network.OfCrops(network), crop, crop, known)
+    model.reshape({i: list(x.shape) for i, x in enumerate((crop, crop, known))})
+    fold(model)
+    return {MATTE: model}
+
+
+def fold(model: Any) -> None:
+    """Computes what does not depend on the inputs."""
+    model.validate_nodes_and_infer_types()
+    folding = Manager()
+    folding.register_pass(ConstantFolding())
+    folding.run_passes(model)
 
 
 def convert(module: nn.Module, *examples: Tensor) -> Any:

@@ -2,11 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..imaging.arrays import Array, Floats, Image
 from .config import Config
+
+if TYPE_CHECKING:
+    from .matte import Matte
 
 
 @dataclass(frozen=True)
@@ -61,9 +66,9 @@ class Functions:
 class Engine:
     """The networks as functions of RGB crops (n, n, 3)."""
 
-    def __init__(self, config: Config, functions: Functions, description: str) -> None:
-        """Args: description: what runs them, as the log says it."""
-        self.config, self.functions, self.description = config, functions, description
+    def __init__(self, config: Config, functions: Functions, description: str, device: str = "cpu") -> None:
+        """Args: description: what runs them, as the log says it; device: 'cpu' or 'cuda', for the matte network."""
+        self.config, self.functions, self.description, self.device = config, functions, description, device
 
     def encode_template(self, crop: Image, polar: Image) -> tuple[Floats, Floats]:
         """Template crop and its log-polar crop to the kernels of the two branches; once a target."""
@@ -91,6 +96,19 @@ class Engine:
         """Corner offsets from a described template's crop to another, and which parts of the target are seen in it."""
         outputs = self.functions.compare(template, crop[None])
         return Residual(*self.functions.conclude(*outputs))
+
+    @cached_property
+    def _matte(self) -> "Matte":
+        from .loading import load_matte
+
+        return load_matte(device=self.device)
+
+    def matte(self, frame: Image, template: Image, valid: Image | None = None) -> Floats:
+        """How probably each pixel of a rectified frame crop shows the surface, see `Matte`; (128, 128), 0 to 1.
+
+        Its network, the shipped one whatever the weights of the others, is read when first asked for.
+        """
+        return self._matte(frame, template, valid)
 
 
 def survey_size(length: float) -> int:

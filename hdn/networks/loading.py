@@ -9,7 +9,8 @@ from pathlib import Path
 from ..errors import TORCH_MISSING, InputError
 from . import openvino
 from .engine import Engine
-from .weights import configuration, shipped
+from .matte import Matte
+from .weights import MATTE, MATTE_FILE_NAME, architecture, configuration, shipped
 
 log = logging.getLogger(__name__)
 
@@ -28,12 +29,8 @@ def load_engine(weights: Path | str | None = None, device: str = "auto") -> Engi
     """
     path = Path(weights or shipped())
     config, chosen = configuration(path), choose_device(device)
-    if chosen == "cpu" and (models := openvino.read_ir(path)) is not None:
+    if (models := _packed(path, chosen)) is not None:
         return openvino.engine(config, models)
-    if find_spec("torch") is None:
-        raise InputError(
-            f"{path} has no OpenVINO networks of these weights beside it, and to make them takes {TORCH_MISSING}"
-        )
     from . import pytorch, torch_engine
 
     network = pytorch.load(path)
@@ -41,6 +38,43 @@ def load_engine(weights: Path | str | None = None, device: str = "auto") -> Engi
         return torch_engine.engine(network, "cuda")
     log.info("%s is converted by PyTorch: 'hdn-train pack --weights' does it for good", path)
     return torch_engine.converted(network)
+
+
+def load_matte(weights: Path | str | None = None, device: str = "auto") -> Matte:
+    """The matte network, ready to run: on a CPU by OpenVINO, on CUDA by PyTorch; see `load_engine`.
+
+    Args:
+        weights: safetensors file; None takes the shipped one.
+
+    Raises:
+        InputError: weights missing, damaged or of another architecture; no such device; PyTorch needed and missing.
+    """
+    path = Path(weights or shipped(MATTE_FILE_NAME))
+    architecture(path, [MATTE])
+    chosen = choose_device(device)
+    if (models := _packed(path, chosen)) is not None:
+        return Matte(openvino.compiled(models[MATTE]), openvino.DESCRIPTION)
+    from . import matte_network, torch_engine
+
+    network = matte_network.load(path)
+    if chosen == "cuda":
+        return torch_engine.matte(network, "cuda")
+    log.info("%s is converted by PyTorch: 'hdn-train pack --weights' does it for good", path)
+    return torch_engine.converted_matte(network)
+
+
+def _packed(path: Path, device: str) -> openvino.Models | None:
+    """The networks beside a weights file, for a CPU; None where PyTorch is to run or to convert them.
+
+    Raises:
+        InputError: that takes PyTorch, which is not installed.
+    """
+    models = openvino.read_ir(path) if device == "cpu" else None
+    if models is None and find_spec("torch") is None:
+        raise InputError(
+            f"{path} has no OpenVINO networks of these weights beside it, and to make them takes {TORCH_MISSING}"
+        )
+    return models
 
 
 def choose_device(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Running HDN with OpenVINO on a CPU, from networks that lie beside a weights file as OpenVINO IR.
+"""Running networks with OpenVINO on a CPU, from those that lie beside a weights file as OpenVINO IR.
 
 The parts of HDN are the graphs of one IR, so that what they share, the backbone, is stored once. Its two files are in
 one zip archive, NAME.openvino.zip beside NAME.safetensors; the IR names the digest of the weights that it is of.
@@ -47,10 +47,11 @@ def _imported() -> Any:
 
 ov = _imported()
 
-Models = Mapping[str, Any]  # openvino.Model by the names of `Functions`
+Models = Mapping[str, Any]  # openvino.Model by the names of `Functions`, or the matte network by its own
 
 SUFFIX = ".openvino.zip"
 XML, BIN = "hdn.xml", "hdn.bin"
+DESCRIPTION = "OpenVINO on the CPU"
 DIGEST = "weights_sha256"  # the entry of the IR's rt_info
 OPTIONS = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
 
@@ -92,7 +93,7 @@ def engine(config: Config, models: Models, conclusion: Callable[..., tuple[Array
     functions = {name: compiled(model) for name, model in models.items() if name != "survey"}
     functions["survey"] = lambda *inputs: surveying()(*inputs)  # compiled only where a target is lost
     conclusion = conclusion or partial(conclude, config.residual_size)
-    return Engine(config, Functions(**functions, conclude=conclusion), "OpenVINO on the CPU")
+    return Engine(config, Functions(**functions, conclude=conclusion), DESCRIPTION)
 
 
 def read_ir(weights: Path) -> Models | None:

@@ -1,4 +1,4 @@
-"""Running HDN from its PyTorch modules: on CUDA, and on a CPU where no networks for OpenVINO lie beside the weights."""
+"""Running networks from their PyTorch modules: on CUDA, and on a CPU where none for OpenVINO lie beside the weights."""
 
 from functools import partial
 from typing import Any
@@ -10,11 +10,14 @@ from torch import nn
 
 from ..imaging.arrays import Array, Floats
 from . import corners, openvino
-from .conversion import models
+from .conversion import matte_models, models
 from .engine import Engine, Function, Functions
+from .matte import Matte
+from .matte_network import MatteNetwork, OfCrops
 from .paper import PaperResidual
 from .parts import Compare, Correlate, Describe, Encode, Joined, OfImage
 from .pytorch import Hdn
+from .weights import MATTE
 
 
 def converted(network: Hdn) -> Engine:
@@ -24,18 +27,10 @@ def converted(network: Hdn) -> Engine:
 
 def engine(network: Hdn, device: str) -> Engine:
     """The networks in PyTorch on a device ('cpu' or 'cuda'), to which they are moved."""
-    s, place = network.similarity, torch.device(device)
-    half = network.config.half and place.type == "cuda"
+    s = network.similarity
 
     def function(module: nn.Module) -> Function:
-        module = OfImage(module).to(place).eval()
-
-        def run(*inputs: NDArray[Any]) -> list[Floats]:
-            with torch.inference_mode(), torch.autocast("cuda", torch.float16, enabled=half):
-                outputs = module(*(torch.from_numpy(x).to(place) for x in inputs))
-            return [o.float().cpu().numpy() for o in outputs]
-
-        return run
+        return _function(OfImage(module), device, network.config.half)
 
     translation = function(Joined(s.backbone, Correlate(s.translation)))
     functions = Functions(
@@ -48,7 +43,30 @@ def engine(network: Hdn, device: str) -> Engine:
         survey=translation,
         conclude=conclusion(network),
     )
-    return Engine(network.config, functions, f"PyTorch on {place.type}")
+    return Engine(network.config, functions, f"PyTorch on {device}", device)
+
+
+def matte(network: MatteNetwork, device: str) -> Matte:
+    """The matte network in PyTorch on a device ('cpu' or 'cuda'), to which it is moved."""
+    return Matte(_function(OfCrops(network), device, half=True), f"PyTorch on {device}")
+
+
+def converted_matte(network: MatteNetwork) -> Matte:
+    """The matte network converted to OpenVINO, on the CPU."""
+    return Matte(openvino.compiled(matte_models(network)[MATTE]), openvino.DESCRIPTION)
+
+
+def _function(module: nn.Module, device: str, half: bool) -> Function:
+    """A module on a device as a function of arrays; `half`: in half precision on CUDA."""
+    place = torch.device(device)
+    module = module.to(place).eval()
+
+    def run(*inputs: NDArray[Any]) -> list[Floats]:
+        with torch.inference_mode(), torch.autocast("cuda", torch.float16, enabled=half and place.type == "cuda"):
+            outputs = module(*(torch.from_numpy(x).to(place) for x in inputs))
+        return [o.float().cpu().numpy() for o in outputs]
+
+    return run
 
 
 def conclusion(network: Hdn) -> Any:

@@ -1,6 +1,7 @@
 """Weights files: safetensors that name their configuration. What can be known of one without PyTorch."""
 
 import hashlib
+from collections.abc import Collection
 from pathlib import Path
 
 from safetensors import SafetensorError, safe_open
@@ -9,17 +10,28 @@ from ..errors import InputError
 from .config import CONFIGS, Config
 
 FILE_NAME = "hdn_compact.safetensors"
+MATTE_FILE_NAME = "hdn_matte.safetensors"
+MATTE = "matte"  # the matte network, where HDN's files have the name of a configuration
 
 
-def shipped() -> Path:
-    """The weights that come with the project: inside the installed package, or beside it in a checkout."""
+def shipped(name: str = FILE_NAME) -> Path:
+    """Weights that come with the project: inside the installed package, or beside it in a checkout."""
     here = Path(__file__).parents[1]
-    installed = here / "assets" / FILE_NAME
-    return installed if installed.exists() else here.parent / "assets" / FILE_NAME
+    installed = here / "assets" / name
+    return installed if installed.exists() else here.parent / "assets" / name
 
 
 def configuration(path: Path) -> Config:
-    """The configuration that a weights file is of.
+    """The configuration that a weights file of HDN is of.
+
+    Raises:
+        InputError: no such file, not a safetensors file, or weights of another architecture.
+    """
+    return CONFIGS[architecture(path, CONFIGS)]
+
+
+def architecture(path: Path, known: Collection[str]) -> str:
+    """The name, one of the known, of what a weights file is of.
 
     Raises:
         InputError: no such file, not a safetensors file, or weights of another architecture.
@@ -33,9 +45,9 @@ def configuration(path: Path) -> Config:
         raise InputError(
             f"{path} is not a safetensors file ({error}): give weights written by hdn-train or hdn-import"
         ) from error
-    if name not in CONFIGS:
-        raise InputError(f"{path} holds weights of configuration '{name}': this version knows {', '.join(CONFIGS)}")
-    return CONFIGS[name]
+    if name not in known:
+        raise InputError(f"{path} holds weights of configuration '{name}': this version knows {', '.join(known)}")
+    return name
 
 
 def digest(path: Path) -> str:

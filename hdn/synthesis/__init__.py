@@ -6,17 +6,21 @@ blur, noise, occluders and frame borders of its own. Everything is a tensor; not
 
 from .batches import ResidualBatch, SimilarityBatch, residual_batch, similarity_batch, unlabelled_batch
 from .looks import Look
+from .mattes import MatteBatch, MattePairs, matte_batch
 from .photos import SIDE, Photos, read_photo, squared
 from .views import Motion, decomposition
 
 __all__ = [
     "SIDE",
     "Look",
+    "MatteBatch",
+    "MattePairs",
     "Motion",
     "Photos",
     "ResidualBatch",
     "SimilarityBatch",
     "decomposition",
+    "matte_batch",
     "read_photo",
     "residual_batch",
     "similarity_batch",

@@ -21,7 +21,7 @@ from .data import find_images, held_out
 from .initial import load_start
 from .loop import COMPONENTS, HELD_OUT_IN_MEMORY, Data, train
 from .objectives import PolarObjective, ResidualObjective, TranslationObjective
-from .packing import pack
+from .packing import pack, pack_matte
 from .recipes import recipe_of
 from .validation import Figures, table, validate
 
@@ -58,11 +58,12 @@ def _parser() -> Parser:
 
     command = commands.add_parser(
         "pack",
-        help="the three components into one weights file",
+        help="checkpoints into a weights file",
         description="Write a weights file, and beside it its networks for OpenVINO, which run without PyTorch.",
     )
     source = command.add_mutually_exclusive_group(required=True)
     source.add_argument("--out", type=Path, metavar="DIR", help="folder of the three checkpoints, and for the file")
+    source.add_argument("--matte", type=Path, metavar="DIR", help="folder of the matte's checkpoint, and for its file")
     source.add_argument("--weights", type=Path, metavar="FILE", help="a weights file, that lacks those networks alone")
     command.set_defaults(run=_pack)
 
@@ -171,6 +172,8 @@ def _ablate(options: argparse.Namespace) -> None:
 def _pack(options: argparse.Namespace) -> None:
     if options.weights:
         path = pack_ir(options.weights)
+    elif options.matte:
+        path = pack_matte(options.matte / "matte.pt", options.matte)
     else:
         path = pack(options.out / "translation.pt", options.out / "polar.pt", options.out / "residual.pt", options.out)
     print(f"Written to {path}")

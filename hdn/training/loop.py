@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from ..errors import RunError
 from ..networks.config import COMPACT, Config
+from ..networks.matte_network import MatteNetwork
 from ..networks.paper import PaperResidual
 from ..networks.residual import ResidualNetwork
 from ..networks.similarity import SimilarityNetwork
@@ -19,12 +20,13 @@ from . import curves
 from .checkpoint import read_checkpoint, write_checkpoint
 from .data import Clips, Pool, find_clips, find_images, split
 from .initial import load_backbone, load_start
+from .matte import MatteObjective
 from .objectives import Objective, PolarObjective, ResidualObjective, TranslationObjective
 from .recipes import Recipe, recipe_of
 from .replay import Replay
 from .validation import Figures, validate
 
-COMPONENTS = ("translation", "polar", "residual")
+COMPONENTS = ("translation", "polar", "residual", "matte")
 STEPS_PER_REPORT = 50  # a line of progress
 STEPS_PER_CHECKPOINT = 500  # with a validation
 HELD_OUT_IN_MEMORY = 1_000  # images; 0.3 GB
@@ -74,6 +76,11 @@ def build(
     Raises:
         InputError: the backbone's weights cannot be used.
     """
+    if component == "matte":
+        matte = MatteNetwork()
+        if state is not None:
+            matte.load_state_dict(state)
+        return MatteObjective(matte, device)
     if component == "residual":
         residual = ResidualNetwork(config) if config.residual == "matching" else PaperResidual(config)
         if state is not None:

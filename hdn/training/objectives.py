@@ -26,6 +26,7 @@ from ..synthesis import (
 )
 from . import losses
 from .data import Clips
+from .matte import MatteObjective
 from .recipes import Recipe
 
 Losses = dict[str, Tensor]
@@ -282,7 +283,7 @@ class ResidualObjective:
         return parts
 
 
-Objective = TranslationObjective | PolarObjective | ResidualObjective
+Objective = TranslationObjective | PolarObjective | ResidualObjective | MatteObjective
 
 
 def single(maps: Maps) -> Maps:

@@ -1,4 +1,4 @@
-"""Checkpoints of the three components to one weights file."""
+"""Checkpoints to weights files: of the three components of HDN to one, and of the matte network to its own."""
 
 from pathlib import Path
 from typing import Any
@@ -6,9 +6,12 @@ from typing import Any
 import torch
 
 from ..errors import InputError
+from ..networks import matte_network
 from ..networks.config import CONFIGS, PAPER
 from ..networks.conversion import pack_ir
+from ..networks.matte_network import MatteNetwork
 from ..networks.pytorch import Hdn, save
+from ..networks.weights import MATTE_FILE_NAME
 from .checkpoint import read_checkpoint
 
 
@@ -46,6 +49,26 @@ def pack(translation: Path, polar: Path, residual: Path, path: Path) -> Path:
     save(network, path, {component: _history(state) for component, state in states.items()})
     if network.config is not PAPER:
         pack_ir(path)
+    return path
+
+
+def pack_matte(checkpoint: Path, path: Path) -> Path:
+    """Writes the weights file of the matte network, and beside it its network for OpenVINO.
+
+    Args: path: the file, or a folder, in which it is hdn_matte.safetensors.
+
+    Returns:
+        The file written.
+
+    Raises:
+        InputError: the checkpoint is missing or damaged, or of another component.
+    """
+    state = _read(checkpoint, "matte")
+    network = MatteNetwork()
+    network.load_state_dict(state["network"])
+    path = path / MATTE_FILE_NAME if path.is_dir() else path
+    matte_network.save(network, path, {"matte": _history(state)})
+    pack_ir(path)
     return path
 
 

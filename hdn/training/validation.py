@@ -13,6 +13,7 @@ from ..networks.geometry import dlt, project
 from ..proposal import MODEL as PROPOSAL
 from ..synthesis import Look, Photos, residual_batch, similarity_batch
 from . import losses
+from .matte import KINDS, MatteObjective, matte_figures
 from .objectives import (
     BranchBatch,
     BranchObjective,
@@ -36,7 +37,14 @@ Figures = dict[str, float]
 
 
 def validate(objective: Objective, photos: Photos, pairs: int) -> dict[str, Figures]:
-    """Figures by name, of clean and of hard pairs, so many of each."""
+    """Figures by name, of clean and of hard pairs, or of each kind that the matte network is validated on; so many
+    pairs of each."""
+
+    if isinstance(objective, MatteObjective):
+        with _evaluating(objective.taught):
+            return {
+                name: matte_figures(objective.network, photos, _batches(pairs), kind) for name, kind in KINDS.items()
+            }
 
     def figures(look: Look) -> Figures:
         if isinstance(objective, TranslationObjective):

@@ -1,0 +1,105 @@
+"""The matte network as a PyTorch module, and its way into weights files and out of them.
+
+A U-Net (Ronneberger et al., MICCAI 2015) of residual blocks. It looks at both crops and at their difference: what stays
+the same is the surface, what varies smoothly is light, what is neither is in front.
+"""
+
+from itertools import pairwise
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+
+from ..errors import InputError
+from .weights import MATTE, architecture
+
+WIDTHS = (24, 32, 48, 64, 64)  # channels at strides 2, 4, 8, 16, 32
+FINE = 12  # channels at stride 1, where the outline is drawn
+INPUTS = 10  # frame, template, their absolute difference, and what is known
+
+
+class MatteNetwork(nn.Module):
+    """Crops of a multiple of 32 px to logits of how probably each pixel shows the surface."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        steps = list(pairwise(WIDTHS))
+        self.stem = _conv(INPUTS, WIDTHS[0], 4, 2)
+        self.encode = nn.ModuleList([_Residual(width) for width in WIDTHS])
+        self.shrink = nn.ModuleList([_conv(fine, coarse, 3, 2) for fine, coarse in steps])
+        self.join = nn.ModuleList([_conv(fine + coarse, fine, 1) for fine, coarse in steps])
+        self.decode = nn.ModuleList([_Residual(fine) for fine, _ in steps])
+        self.enlarge = nn.Conv2d(WIDTHS[0], FINE, 1)
+        self.draw = nn.Sequential(_conv(INPUTS + FINE, FINE, 3), nn.Conv2d(FINE, 1, 3, padding=1))
+
+    def forward(self, frame: Tensor, template: Tensor, valid: Tensor) -> Tensor:
+        """Rectified RGB crops (B, 3, n, n), 0..255, and where both are known (B, 1, n, n), 0 or 1: (B, 1, n, n)."""
+        crops = torch.cat([frame - 128, template - 128, (frame - template).abs()], 1) / 64
+        inputs = torch.cat([crops * valid, valid], 1)
+        x, skipped = self.stem(inputs), []  # (B, 24, n / 2, n / 2)
+        for block, shrink in zip(self.encode, self.shrink, strict=False):
+            x = block(x)
+            skipped.append(x)
+            x = shrink(x)
+        x = self.encode[-1](x)  # (B, 64, n / 32, n / 32)
+        for block, join, skip in zip(self.decode[::-1], self.join[::-1], skipped[::-1], strict=True):
+            x = block(join(torch.cat([F.interpolate(x, scale_factor=2.0), skip], 1)))
+        x = F.interpolate(self.enlarge(x), scale_factor=2.0, mode="bilinear", align_corners=False)
+        return self.draw(torch.cat([inputs, x], 1))
+
+
+class OfCrops(nn.Module):
+    """The network as it is run: crops as they are kept, uint8 (1, n, n, 3), to the probability (1, n, n)."""
+
+    def __init__(self, network: MatteNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, frame: Tensor, template: Tensor, valid: Tensor) -> tuple[Tensor]:
+        """Args: valid: uint8 (1, n, n), not 0 where both crops are known; it is 0 elsewhere in what is returned."""
+        known = (valid > 0).float().unsqueeze(1)
+        crops = (crop.permute(0, 3, 1, 2).float() for crop in (frame, template))
+        return ((self.network(*crops, known).sigmoid() * known).squeeze(1),)
+
+
+def save(network: nn.Module, path: Path, notes: dict[str, str]) -> None:
+    """Writes the weights in half precision, with the notes (where they come from)."""
+    tensors = {n: v.half().contiguous() if v.is_floating_point() else v for n, v in network.state_dict().items()}
+    save_file(tensors, path, {"config": MATTE, **notes})
+
+
+def load(path: Path) -> MatteNetwork:
+    """Reads weights; the network comes in evaluation mode, single precision.
+
+    Raises:
+        InputError: no such file, not a safetensors file, or weights of another architecture.
+    """
+    architecture(path, [MATTE])
+    network = MatteNetwork()
+    tensors = {n: v.float() if v.is_floating_point() else v for n, v in load_file(path).items()}
+    try:
+        network.load_state_dict(tensors)
+    except RuntimeError as error:
+        raise InputError(f"{path} does not fit the matte network of this version: make it anew") from error
+    return network.eval().requires_grad_(False)
+
+
+class _Residual(nn.Module):
+    """Two convolutions beside a shortcut (He et al., CVPR 2016)."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.first = _conv(width, width, 3)
+        self.second = nn.Sequential(nn.Conv2d(width, width, 3, padding=1, bias=False), nn.BatchNorm2d(width))
+
+    def forward(self, x: Tensor) -> Tensor:
+        return F.relu(x + self.second(self.first(x)))
+
+
+def _conv(inputs: int, outputs: int, kernel: int, stride: int = 1) -> nn.Sequential:
+    padding = (kernel - 1) // 2
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, kernel, stride, padding, bias=False), nn.BatchNorm2d(outputs), nn.ReLU(inplace=True)
+    )

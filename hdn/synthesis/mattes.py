@@ -1,0 +1,179 @@
+"""Pairs for the matte network: a surface as template, and in a frame, with or without something in front of it."""
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from ..networks.geometry import dlt, project
+from .lighting import shine, soft
+from .looks import blur, coarsen, code, relight
+from .photos import Photos, pixel_grid, random_photos
+from .shapes import Outlines, smooth_noise
+from .views import placed, random_view, rectified, uniform
+
+CANVAS, SCALE = 192, 1.25  # px of the square that a surface is drawn on; of them for a pixel of the crop
+SKIN = ((0.95, 0.80, 0.71), (0.76, 0.53, 0.42), (0.26, 0.16, 0.12))  # RGB, from light to dark
+
+
+@dataclass(frozen=True)
+class MattePairs:
+    """What the pairs are, as shares of them."""
+
+    negative: float = 0.06  # shows another surface: all is hidden
+    occluded: float = 0.75  # of the rest, has something in front
+    covered: float = 0.05  # of the rest, is covered altogether
+    blurred: float = 0.35  # frames with motion blur, up to 21 px
+    coarse: float = 0.25  # frames of a lower resolution
+    darkened: float = 0.15  # frames down to 15 to 50 % of the light
+    light: float = 1.0  # strength of the light that varies over the surface
+    far: float = 0.2  # off by 1.2 to 4 px of the crop; the others by 0 to 1.2
+    cut: float = 0.2  # partly beyond the frame's border, or not known in the template
+
+
+@dataclass
+class MatteBatch:
+    frame: Tensor  # (B, 3, n, n), 0..255
+    template: Tensor  # (B, 3, n, n), 0..255
+    valid: Tensor  # (B, 1, n, n), 0 or 1: frame and template are both known
+    seen: Tensor  # (B, 1, n, n), 0..1: share of the pixel that shows the surface
+
+
+def matte_batch(photos: Photos, batch: int, size: int, pairs: MattePairs) -> MatteBatch:
+    """Rectified frame and template crops, drawn."""
+    device = photos.device
+    shapes = Outlines(photos, 3 * batch)
+    canvas = surfaces(photos, shapes, batch)
+    template = resampled(canvas, motion(batch, size, torch.full((batch,), 0.7, device=device)), size)
+    far = torch.rand(batch, device=device) < pairs.far
+    off = torch.where(far, uniform(batch, 1.2, 4, device), uniform(batch, 0, 1.2, device))
+    negative = torch.rand(batch, 1, 1, 1, device=device) < pairs.negative
+    frame = resampled(torch.where(negative, canvas.roll(1, 0), canvas), motion(batch, size, off), size)
+
+    frame = blur(shine(photos, shapes, frame, pairs.light).clamp(0, 1.5), pairs.blurred / 2, 21)
+    hidden = negative.float().expand(-1, 1, size, size)
+    for share in (pairs.occluded, pairs.occluded * 0.25):
+        frame, hidden = occlude(photos, shapes, frame, hidden, share, pairs.covered if share == pairs.occluded else 0)
+
+    both = torch.cat([frame, hidden], 1)
+    both = coarsen(blur(both, pairs.blurred / 2, 21), pairs.coarse)
+    frame, hidden = both[:, :3].clamp(0, 1), both[:, 3:].clamp(0, 1)
+    frame = code(relight(frame, 0.8, pairs.darkened), 0.4)
+    template = shine(photos, shapes, template, 0.4 * pairs.light).clamp(0, 1)
+    template = coarsen(blur(template, pairs.blurred / 3, 15), 0.2)
+    template = code(relight(template, 0.5), 0.3)
+    valid = known(shapes, batch, size, pairs.cut, photos.device)
+    return MatteBatch(frame * 255, template * 255, valid, 1 - hidden)
+
+
+def surfaces(photos: Photos, shapes: Outlines, batch: int) -> Tensor:
+    """Surfaces (B, 3, CANVAS, CANVAS), 0..1: photographs, a third with flat shapes on them or on one colour."""
+    device = photos.device
+    index = random_photos(photos, batch)
+    zoom = torch.diag(torch.tensor([1 / SCALE, 1 / SCALE, 1], device=device))
+    canvas = photos.sample(index, rectified(photos, index, int(CANVAS / SCALE)) @ zoom, CANVAS)
+    rows = (torch.rand(batch, device=device) < 0.4).nonzero()[:, 0]
+    if len(rows):
+        drawn = canvas[rows]
+        paper = colours(len(rows), device) + 0.02 * smooth_noise(len(rows), 3, 12, CANVAS, device)
+        drawn = torch.where(torch.rand(len(rows), 1, 1, 1, device=device) < 0.6, paper, drawn)
+        for _ in range(int(torch.randint(1, 6, ()))):
+            there = (torch.rand(len(rows), 1, 1, 1, device=device) < 0.7).float()
+            mask = soft(shapes.take(len(rows), CANVAS), uniform((len(rows), 1, 1, 1), 1, 2, device))
+            drawn = torch.lerp(drawn, colours(len(rows), device), mask * there)
+        canvas[rows] = drawn
+    return canvas.clamp(0, 1)
+
+
+def colours(batch: int, device: torch.device) -> Tensor:
+    """Colours (B, 3, 1, 1), 0..1, a third of them near white, near black or near grey."""
+    any_colour = uniform((batch, 3, 1, 1), 0, 1, device)
+    level = torch.tensor([0.97, 0.03, 0.5], device=device)[torch.randint(3, (batch,), device=device)]
+    plain = level[:, None, None, None] + uniform((batch, 3, 1, 1), -0.06, 0.06, device)
+    return torch.where(torch.rand(batch, 1, 1, 1, device=device) < 0.35, plain, any_colour).clamp(0, 1)
+
+
+def motion(batch: int, size: int, off: Tensor) -> Tensor:
+    """Homographies (B, 3, 3) about a crop's centre that move its corners by up to `off` (B,) px, half of it alike."""
+    device = off.device
+    corners = torch.tensor([[-1.0, -1], [1, -1], [1, 1], [-1, 1]], device=device) * size / 2
+    common = uniform((batch, 1, 2), -0.7, 0.7, device)
+    offsets = (common + 0.5 * uniform((batch, 4, 2), -1, 1, device)) * off[:, None, None]
+    return dlt(offsets, corners)
+
+
+def resampled(canvas: Tensor, crop_to_surface: Tensor, size: int) -> Tensor:
+    """Crops (B, 3, size, size) of surfaces, through homographies (B, 3, 3) in px of the crop about its centre."""
+    to_canvas = torch.diag(torch.tensor([2 * SCALE / CANVAS, 2 * SCALE / CANVAS, 1], device=canvas.device))
+    grid = project(to_canvas @ crop_to_surface, pixel_grid(size, canvas.device)).reshape(-1, size, size, 2)
+    return F.grid_sample(canvas, grid, padding_mode="reflection", align_corners=False)
+
+
+def occlude(
+    photos: Photos, shapes: Outlines, crops: Tensor, hidden: Tensor, share: float, covered: float
+) -> tuple[Tensor, Tensor]:
+    """Something in front of a share of the crops (B, 3, n, n), and of a further share, `covered`, over all of it.
+
+    Returns:
+        The crops, and how much of each pixel (B, 1, n, n) is hidden, by what hid it before as well.
+    """
+    device, (b, _, size, _) = crops.device, crops.shape
+    distance = shapes.take(b, size)
+    all_over = torch.rand(b, 1, 1, 1, device=device) < covered
+    distance = torch.where(all_over, -float(size), distance)
+    width = torch.where(torch.rand(b, 1, 1, 1, device=device) < 0.7, 1.0, uniform((b, 1, 1, 1), 1.5, 8, device))
+    there = all_over | (torch.rand(b, 1, 1, 1, device=device) < share)
+    alpha = soft(distance, width) * there
+
+    # The shadow that it casts beside itself does not hide the surface.
+    across, down = (int(v) for v in torch.randint(-8, 9, (2,)))
+    aside = F.pad(distance, [8] * 4, mode="replicate")[:, :, 8 + down :, 8 + across :][:, :, :size, :size]
+    shadow = soft(aside, uniform((b, 1, 1, 1), 3, 30, device)) * there
+    crops = crops * (1 - uniform((b, 1, 1, 1), -0.3, 0.6, device).clamp_min(0) * shadow)
+
+    look = torch.cat([appearance(photos, crops, alpha, distance) * alpha, alpha], 1)
+    look = blur(look, 0.2, 15)  # it moves, the surface does not
+    colour, alpha = look[:, :3], look[:, 3:]
+    return crops * (1 - alpha) + colour, 1 - (1 - hidden) * (1 - alpha)
+
+
+def appearance(photos: Photos, crops: Tensor, alpha: Tensor, distance: Tensor) -> Tensor:
+    """What occluders look like, (B, 3, n, n), 0..1: skin, flat, striped, of photographs, or much like the surface."""
+    device, (b, _, size, _) = crops.device, crops.shape
+    tones = torch.tensor(SKIN, device=device)
+    tone = uniform(b, 0, 1.999, device)
+    lower = tone.long()
+    skin = torch.lerp(tones[lower], tones[lower + 1], (tone - lower)[:, None])[..., None, None]
+    skin = skin * (1 + 0.12 * torch.randn(b, 3, 1, 1, device=device))
+    skin = skin * (1 + 0.08 * smooth_noise(b, 1, 9, size, device))
+
+    flat = colours(b, device).expand(-1, 3, size, size)
+    grid = pixel_grid(size, device)
+    angle = uniform((b, 1), 0, 3.1416, device)
+    wave = (grid[:, 0] * angle.cos() + grid[:, 1] * angle.sin()) * uniform((b, 1), 0.1, 1.2, device)
+    striped = torch.lerp(flat, colours(b, device), (wave.sin() * 3 + 0.5).clamp(0, 1).reshape(b, 1, size, size))
+    photo = photos.sample(random_photos(photos, b), placed(random_view(b, device, 0.4, 1.8)), size)
+    beneath = (crops * alpha).sum((2, 3), keepdim=True) / alpha.sum((2, 3), keepdim=True).clamp_min(1)
+    sign = torch.where(torch.rand(b, 3, 1, 1, device=device) < 0.5, 1.0, -1.0)
+    alike = (beneath + sign * uniform((b, 3, 1, 1), 0.03, 0.2, device)).expand(-1, 3, size, size)
+
+    kinds = torch.stack([skin, flat, striped, photo, alike], 1)
+    chance = torch.tensor([0.35, 0.15, 0.1, 0.25, 0.15], device=device)
+    look = kinds[torch.arange(b, device=device), torch.multinomial(chance, b, replacement=True)]
+    # Round things darken towards their outline; light falls from one side.
+    depth = (-distance / uniform((b, 1, 1, 1), 3, 25, device)).clamp(0, 1)
+    look = look * (1 - uniform((b, 1, 1, 1), -0.3, 0.6, device).clamp_min(0) * (1 - depth))
+    gain = (0.25 * smooth_noise(b, 1, 3, size, device) + uniform((b, 1, 1, 1), -0.5, 0.3, device)).exp()
+    return (look * torch.where(torch.rand(b, 1, 1, 1, device=device) < 0.7, gain, 1.0)).clamp(0, 1.2)
+
+
+def known(shapes: Outlines, batch: int, size: int, share: float, device: torch.device) -> Tensor:
+    """Masks (B, 1, n, n) of what is in the frame and known of the template; of a share, not all is."""
+    grid = pixel_grid(size, device)
+    angle = uniform((batch, 1), 0, 6.2832, device)
+    level = grid[:, 0] * angle.cos() + grid[:, 1] * angle.sin()
+    inside = (level < uniform((batch, 1), 0.1, 0.5, device) * size).reshape(batch, 1, size, size)
+    seen_once = shapes.take(batch, size) > 0
+    mask = torch.where(torch.rand(batch, 1, 1, 1, device=device) < 0.6, inside, seen_once)
+    return (mask | (torch.rand(batch, 1, 1, 1, device=device) >= share)).float()
