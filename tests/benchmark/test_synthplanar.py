@@ -14,11 +14,11 @@ from hdn.benchmark.synthplanar.cli import Setting, generate, main
 from hdn.benchmark.synthplanar.motion import HEIGHT, WIDTH, Ranges, Trajectory
 from hdn.benchmark.synthplanar.pictures import Pictures
 from hdn.benchmark.synthplanar.render import Renderer, Scene, visible_corners
-from hdn.benchmark.synthplanar.scenes import CHALLENGES, CONTROLS, make_scene
+from hdn.benchmark.synthplanar.scenes import CHALLENGES, CONTROLS, INTERRUPTED, make_scene
 from hdn.benchmark.synthplanar.video import Clip
 from hdn.errors import InputError, RunError
 from hdn.imaging.arrays import Array, Image
-from hdn.imaging.homography import from_corners
+from hdn.imaging.homography import from_corners, transform
 from hdn.imaging.quads import area, square
 
 SMALL = Setting(256, 144, 12)
@@ -27,7 +27,7 @@ DRAWN = Pictures(None)
 
 def scene(attribute: str, seed: int = 0, width: int = 320, frames: int = 60) -> tuple[Scene, np.random.Generator]:
     rng = np.random.default_rng(seed)
-    return make_scene(CHALLENGES[attribute], width, width * 9 // 16, frames, DRAWN, rng).scene, rng
+    return make_scene((CHALLENGES | INTERRUPTED)[attribute], width, width * 9 // 16, frames, DRAWN, rng).scene, rng
 
 
 def rectified(frame: Image, corners: Array, size: int = 96) -> Image:
@@ -176,6 +176,67 @@ def test_passers_by_hide_the_target_for_a_while_but_not_at_first(seed: int) -> N
     assert visible[int(np.argmin(visible)) :][-1] > min(visible)
 
 
+def surroundings_likeness(attribute: str, seed: int) -> float:
+    """How alike the band around the target, rectified by the truth, is in the first frame and in free ones."""
+    shown, rng = scene(attribute, seed, width=480)
+    light = dataclasses.replace(shown.light, ambient=1.0, glare=0.0, swing=0.0)  # what differs is to be geometry
+    shown = dataclasses.replace(shown, light=light, passages=())
+    corners, renderer = visible_corners(shown, 60), Renderer(shown, 60, rng)
+    around = cv2.copyMakeBorder(np.zeros((58, 58), np.uint8), *[19] * 4, cv2.BORDER_CONSTANT, value=1) > 0
+    around[:6] = around[-6:] = around[:, :6] = around[:, -6:] = False
+    larger = square(96) * 1.6 - square(96).mean() * 0.6
+    views = []
+    for index in (0, 25, 40, 55):
+        quad = corners[index]
+        assert quad is not None
+        matrix = from_corners(transform(from_corners(square(96), quad), larger), square(96))
+        grey = cv2.cvtColor(cv2.warpPerspective(renderer.render(index).poster, matrix, (96, 96)), cv2.COLOR_RGB2GRAY)
+        views.append(grey[around])
+    return float(np.median([np.corrcoef(views[0], view)[0, 1] for view in views[1:]]))
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("attribute", "coplanar"), [("wall", True), ("board", True), ("hands", False)])
+def test_a_wall_and_a_board_move_with_the_target_and_a_street_does_not(
+    attribute: str, coplanar: bool, seed: int
+) -> None:
+    assert (surroundings_likeness(attribute, seed) > 0.8) == coplanar
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("attribute", ["hands", "wall"])
+def test_hands_reach_over_most_of_the_target_and_withdraw(attribute: str, seed: int) -> None:
+    shown, rng = scene(attribute, seed, width=192, frames=70)
+    renderer = Renderer(shown, 70, rng)
+    visible = [renderer.render(index).visible for index in range(0, 70, 3)]
+    assert visible[0] > 0.97
+    assert 0.2 < min(visible) < 0.65
+    assert max(visible[int(np.argmin(visible)) :]) > min(visible) + 0.2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_absent_target_is_out_of_view_for_40_frames_of_120_and_comes_back(seed: int) -> None:
+    shown, _ = scene("absence", seed, frames=120)
+    known = np.array([quad is not None for quad in visible_corners(shown, 120)])
+    gone = np.flatnonzero(~known)
+    assert 40 <= len(gone) < 70
+    assert (np.diff(gone) == 1).all()
+    assert known[:25].all()
+    assert known[-25:].all()
+    steps = np.linalg.norm(np.diff(shown.trajectory.corners(np.arange(120.0)), axis=0), axis=2)
+    assert steps.max() < 100  # it moves out; it does not jump
+
+
+def test_a_hidden_target_s_corners_are_null(tmp_path: Path) -> None:
+    truth = json.loads(generate(tmp_path, "hidden", 0, Setting(128, 72, 120), 120, 0, DRAWN).read_text())
+    known = np.array([corners is not None for corners in truth["corners"]])
+    assert 36 <= (~known).sum() < 70
+    assert known[:20].all()
+    assert known[-20:].all()
+    assert (np.array(truth["visible"])[~known] == 0).all()
+    assert min(np.array(truth["visible"])[known]) > 0
+
+
 def test_a_long_exposure_blurs_by_motion() -> None:
     sharpness = []
     for shutter in (0.05, 1.0):
@@ -241,7 +302,7 @@ def test_the_folder_is_a_data_set(made: Path) -> None:
 
 def test_what_is_written_beside_a_clip(made: Path) -> None:
     truth = json.loads((made / "unconstrained-01.json").read_text())
-    assert (truth["seed"], truth["version"], truth["attributes"]) == (5, 1, ["unconstrained"])
+    assert (truth["seed"], truth["version"], truth["attributes"]) == (5, 2, ["unconstrained"])
     assert len(truth["visible"]) == len(truth["corners"]) == SMALL.frames
     assert cv2.imread(str(made / truth["ad"]["image"])) is not None
     clip, ad_clip = read(made / "unconstrained-01.mp4"), read(made / truth["ad"]["clip"])
@@ -285,9 +346,18 @@ def test_command_line_with_textures(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert len(capsys.readouterr().out.splitlines()) == 2
 
 
+def test_a_switch_leaves_all_but_the_interrupted_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path), "--interrupted", "--frames", "2"])
+    assert ended.value.code == 0
+    names = [Path(line).stem for line in capsys.readouterr().out.splitlines()]
+    assert names == [f"{name}-01" for name in ("wall", "board", "hands", "absence", "hidden")]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        (["--attributes", "scale", "--interrupted"], "not allowed with"),
         (["--attributes", "speed"], "choose from scale, rotation"),
         (["--frames", "0"], "whole number from 1"),
         (["--setting", "huge"], "quick"),

@@ -22,10 +22,12 @@ from ...commandline import Parser, run
 from ...errors import InputError, RunError
 from .pictures import Pictures
 from .render import Renderer, visible_corners
-from .scenes import CHALLENGES, CONTROLS, make_scene
+from .scenes import CHALLENGES, CONTROLS, INTERRUPTED, make_scene
 from .video import FPS, Clip
 
-VERSION = 1  # of the generator: whatever changes a sequence of a given seed raises it
+VERSION = 2  # of the generator: whatever changes a sequence of a given seed raises it, and what is new
+SEEDING = 1  # of the sequences' random numbers, apart from the version: what is new leaves other sequences as they are
+ATTRIBUTES = CHALLENGES | INTERRUPTED | CONTROLS
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class Setting:
     frames: int
 
 
+SEEN_SHARE = 0.005  # of the target, under which it counts as hidden wholly
 SETTINGS = {"quick": Setting(640, 360, 150), "full": Setting(1280, 720, 500)}
 
 
@@ -48,7 +51,7 @@ def generate(
 ) -> Path:
     """Makes one sequence in the folder `out`, and returns its JSON file, which is written last.
 
-    attribute: one of CHALLENGES or CONTROLS. number: of the sequence, from 0. A seed means the same sequence whatever
+    attribute: one of ATTRIBUTES. number: of the sequence, from 0. A seed means the same sequence whatever
     others are made beside it.
 
     Raises:
@@ -56,8 +59,8 @@ def generate(
         RunError: writing fails.
     """
     name = _name(attribute, number)
-    rng = np.random.default_rng([VERSION, seed, zlib.crc32(attribute.encode()), number])
-    challenge = (CHALLENGES | CONTROLS)[attribute]
+    rng = np.random.default_rng([SEEDING, seed, zlib.crc32(attribute.encode()), number])
+    challenge = ATTRIBUTES[attribute]
     cast = make_scene(challenge, setting.width, setting.height, frames, pictures, rng)
     crf = int(rng.integers(*challenge.crf))
     corners = visible_corners(cast.scene, frames)
@@ -75,6 +78,8 @@ def generate(
             rendered = renderer.render(index)
             clip.write(rendered.poster)
             ad_clip.write(rendered.ad)
+            if challenge.hidden and rendered.visible < SEEN_SHARE:
+                corners[index] = None  # as where it is out of the frame: nobody can tell
             visible.append(0.0 if corners[index] is None else round(rendered.visible, 4))
 
     ad_image = out / "ads" / f"{name}.png"
@@ -128,7 +133,8 @@ def _command(arguments: Many[str] | None) -> int:
     options = _parser().parse_args(arguments)
     setting = SETTINGS[options.setting]
     pictures = Pictures(options.textures)
-    attributes = [_attribute(name) for name in options.attributes]
+    named = options.attributes or (INTERRUPTED if options.interrupted else CHALLENGES | INTERRUPTED)
+    attributes = [_attribute(name) for name in named]
     for attribute in attributes:
         for number in range(options.sequences):
             frames = options.frames or setting.frames
@@ -138,8 +144,8 @@ def _command(arguments: Many[str] | None) -> int:
 
 def _attribute(name: str) -> str:
     attribute = name.replace("-", " ").lower()
-    if attribute not in CHALLENGES | CONTROLS:
-        raise InputError(f"there is no attribute '{name}': choose from {_names(CHALLENGES | CONTROLS)}")
+    if attribute not in ATTRIBUTES:
+        raise InputError(f"there is no attribute '{name}': choose from {_names(ATTRIBUTES)}")
     return attribute
 
 
@@ -154,12 +160,18 @@ def _parser() -> Parser:
     )
     parser.add_argument("out", type=Path, help="the folder to write to")
     parser.add_argument("--setting", choices=SETTINGS, default="quick", help="640x360 or 1280x720 (default quick)")
-    parser.add_argument(
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument(
         "--attributes",
         nargs="+",
         metavar="NAME",
-        default=list(CHALLENGES),
-        help=f"of {_names(CHALLENGES)} (default all these); or {_names(CONTROLS)}, to see how exact a tracker is",
+        help=f"of {_names(CHALLENGES | INTERRUPTED)} (default all these); or {_names(CONTROLS)}, to see how exact a "
+        "tracker is",
+    )
+    which.add_argument(
+        "--interrupted",
+        action="store_true",
+        help=f"only those whose view is covered or gone for long: {_names(INTERRUPTED)}",
     )
     parser.add_argument("--sequences", type=_count, default=1, metavar="N", help="for each attribute (default 1)")
     parser.add_argument("--frames", type=_count, metavar="N", help="in each (default 150 quick, 500 full)")

@@ -108,16 +108,23 @@ def _add_house(wall: Floats, rng: np.random.Generator) -> None:
     wall[:, :2] *= 0.6
 
 
-def draw_occluder(rng: np.random.Generator) -> Image:
-    """Somebody or something passing by: premultiplied RGBA (1024, 256, 4), what matters in the upper half."""
+PERSON, ARM, POST = range(3)
+Stroke = tuple[tuple[float, float], tuple[float, float], int, Floats]  # from, to, width, colour
+
+
+def draw_occluder(rng: np.random.Generator, kind: int | None = None) -> Image:
+    """Somebody or something passing by: premultiplied RGBA (1024, 256, 4), what matters in the upper half.
+
+    kind: PERSON, ARM or POST; by chance where it is not given.
+    """
     mask = np.zeros((1024, 256), np.uint8)
-    kind = int(rng.integers(3))
-    if kind == 0:  # a person, from the hips up
+    kind = int(rng.integers(3)) if kind is None else kind
+    if kind == PERSON:  # from the hips up
         cv2.ellipse(mask, (128, 90), (46, 62), 0, 0, 360, 255, -1)
         cv2.rectangle(mask, (102, 130), (154, 190), 255, -1)
         cv2.ellipse(mask, (128, 300), (116, 130), 0, 180, 360, 255, -1)
         cv2.rectangle(mask, (12, 300), (244, 1000), 255, -1)
-    elif kind == 1:  # a raised arm
+    elif kind == ARM:  # raised
         cv2.line(mask, (128, 1100), (128, 190), 255, 84)
         cv2.ellipse(mask, (128, 150), (56, 70), 0, 0, 360, 255, -1)
         for x, y in ((84, 60), (110, 36), (138, 34), (166, 56)):
@@ -137,6 +144,49 @@ def draw_occluder(rng: np.random.Generator) -> Image:
     alpha = cv2.GaussianBlur(mask, (0, 0), 2.0)[..., None]
     premultiplied = np.clip(colour, 0, 255) * (alpha / 255)
     return np.concatenate([premultiplied.astype(np.uint8), alpha], 2)
+
+
+def draw_hand(rng: np.random.Generator) -> Image:
+    """A hand with its forearm, fingers upward: premultiplied RGBA (2048, 512, 4), the hand around row 512."""
+    height, width = 2048, 512
+    skin = np.array([222, 175, 146], np.float32) * rng.uniform(0.3, 1.05)
+    sleeve = palette(1, rng)[0] * 0.5 + 20
+    spread, left = rng.uniform(0.5, 1.2), rng.random() < 0.5
+    strokes: list[Stroke] = [((256, 780), (256, 2300), 170, skin), ((256, 900), (256, 2300), 230, sleeve)]
+    for finger, length in enumerate((235, 285, 270, 200)):
+        x, y = 172 + 56 * finger, 586
+        lean, reach = spread * (finger - 1.5) * 0.22 + rng.normal(0, 0.05), length * rng.uniform(0.85, 1)
+        strokes.append(((x, y), (x + reach * np.sin(lean), y - reach * np.cos(lean)), 54, skin))
+    strokes += [((180, 690), (100 - 50 * spread, 530), 60, skin), ((256, 640), (256, 710), 210, skin)]  # thumb, palm
+    image, alpha = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.uint8)
+    for start, end, thickness, colour in strokes:
+        mask = np.zeros((height, width), np.uint8)
+        cv2.line(mask, [int(c) for c in start], [int(c) for c in end], 255, thickness)
+        depth = np.minimum(cv2.distanceTransform(mask, cv2.DIST_L2, 3) / (thickness / 2), 1)
+        shade = (0.6 + 0.4 * np.sqrt(depth))[..., None]  # round: darker to its sides
+        image = np.where(mask[..., None] > 0, colour * shade, image)
+        alpha |= mask
+    image = image * (1 + 0.04 * noise((height, width), 24, rng, 4))[..., None]
+    soft = cv2.GaussianBlur(alpha, (0, 0), 2.0)[..., None]
+    drawn = np.concatenate([(np.clip(image, 0, 255) * (soft / 255)).astype(np.uint8), soft], 2)
+    return np.ascontiguousarray(drawn[:, ::-1] if left else drawn)
+
+
+def draw_wall(size: tuple[int, int], rng: np.random.Generator) -> Image:
+    """A wall (height, width, 3) of modest texture: plaster with the joints of bricks or of panels, and some stains."""
+    width, height = size
+    colour = palette(1, rng)[0] * 0.2 + rng.uniform(90, 160)
+    wall = np.ascontiguousarray(colour * (1 + 0.05 * noise((height, width), width / 5, rng, 7))[..., None])
+    bricks = rng.random() < 0.5
+    h = int(width * (rng.uniform(0.025, 0.04) if bricks else rng.uniform(0.18, 0.3)))
+    w, joint = int(h * rng.uniform(1.6, 2.6)), max(1, h // (10 if bricks else 40))
+    for row, y in enumerate(range(0, height, h)):
+        for x in range(-w + (w // 2) * (row % 2), width, w):
+            wall[y : y + h, max(x, 0) : max(x + w, 0)] *= 1 + rng.normal(0, 0.04)
+            wall[y : y + h, max(x, 0) : max(x + joint, 0)] *= 0.8
+        wall[y : y + joint] *= 0.8
+    stains = np.clip(noise((height, width), width / 8, rng, 5) - 1.5, 0, 1)
+    return np.clip(wall * (1 - 0.3 * stains)[..., None], 0, 255).astype(np.uint8)
 
 
 def draw_shadows(size: int, rng: np.random.Generator) -> Image:

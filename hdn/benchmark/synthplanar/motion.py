@@ -41,7 +41,7 @@ class Ranges:
     """Where a path may go.
 
     size: smallest and largest, px. tilt, roll: largest, degrees. speed: ratio to the usual; at 0 nothing moves, not
-    even a hand. leaves: leaves the frame.
+    even a hand. leaves: leaves the frame, again and again. absent: is out of it for a third of the clip.
     """
 
     size: tuple[float, float] = (110.0, 480.0)
@@ -49,6 +49,7 @@ class Ranges:
     roll: float = 20.0
     speed: float = 1.0
     leaves: bool = False
+    absent: bool = False
 
 
 class Trajectory:
@@ -66,6 +67,9 @@ class Trajectory:
         self._length = np.concatenate([[0.0], np.cumsum(steps)])
         self._shake = float(ranges.speed > 0) * np.array([0.6, 0.6, 0.0006, 0.001, 0.001, 0.0008])
         self._tremor = rng.uniform(0, 2 * np.pi, (3, 6)), rng.uniform(0.06, 0.3, (3, 1))  # phases, cycles a frame
+        self._frames, self._away = frames, 0.0
+        if ranges.absent:
+            self._away = self._way_out(1 if rng.random() < 0.5 else -1)
 
     def poses(self, times: Array) -> Array:
         """Poses (N, 6) at times (N,)."""
@@ -73,7 +77,23 @@ class Trajectory:
         pose = np.stack([np.interp(travelled, self._length, column) for column in self._path.T], 1)
         phases, rates = self._tremor
         waves = np.sin(2 * np.pi * rates * times[:, None, None] + phases).sum(1)  # (N, 6)
-        return pose + waves * self._shake
+        pose = pose + waves * self._shake
+        if self._away:
+            pose[:, 1] += self._away * self._absence(times)
+        return np.asarray(pose)
+
+    def _absence(self, times: Array) -> Array:
+        """How far the target is on its way out at times (N,): 1 in the clip's middle third, and within a sixth 0."""
+        share = np.clip(2 - 6 * np.abs(times / self._frames - 0.5), 0, 1)
+        return np.asarray(share**2 * (3 - 2 * share))
+
+    def _way_out(self, down: int) -> float:
+        """By how much its centre must be moved, downward (1) or upward (-1), for it to be out of view, px."""
+        times = np.linspace(1 / 3, 2 / 3, 100) * self._frames
+        self._away = 0.0
+        while (down * (self.corners(times)[..., 1] - CENTRE[1]) < HEIGHT / 2 + 12).any():
+            self._away += down * 24.0
+        return self._away
 
     def corners(self, times: Array) -> Array:
         """The target's corners (N, 4, 2) at times (N,), px."""

@@ -18,6 +18,7 @@ from .motion import Trajectory, background_poses, plane_to_frame, to_setting
 
 SUBFRAMES_RANGE = 4, 16  # sub-frames of a frame, fewest and most
 SUBFRAME_STEP_PX = 2.0  # that a corner moves between two sub-frames, as long as there are enough of them
+SWAY_FRAMES = 25  # in which what passes moves to and fro once
 LEVELS = 4  # of the textures' pyramids
 BACKGROUND = 1.6  # the background's width, ratio to the frame's; beyond, it is mirrored
 
@@ -53,7 +54,9 @@ class Passage:
     """Something that passes before the target.
 
     texture: premultiplied RGBA. middle: when it is before the target. length: frames in which it crosses it. direction:
-    of its way in the frame, rad. size: of its upper half, ratio to the target's. turn: rad.
+    of its way in the frame, rad. size: of its upper half, ratio to the target's. turn: rad. stay: frames that it stands
+    before the target. returns: goes back the way that it came. sway: how far it moves to and fro, ratio to the target's
+    size.
     """
 
     texture: Image
@@ -62,12 +65,17 @@ class Passage:
     direction: float
     size: float
     turn: float
+    stay: float = 0.0
+    returns: bool = False
+    sway: float = 0.0
 
     def texel_to_frame(self, time: float, target: Array) -> Array:
         """Its homography (3, 3) to 1280x720 pixels; target: about x, y and log size of it."""
         height, width = self.texture.shape[:2]
         size = np.exp(target[2])
-        way = (time - self.middle) / self.length * size * 1.6
+        since = time - self.middle
+        moving = max(abs(since) - self.stay / 2, 0.0) * (-1.0 if self.returns else float(np.sign(since)))
+        way = moving / self.length * size * 1.6 + self.sway * size * np.sin(2 * np.pi * since / SWAY_FRAMES)
         x, y = target[:2] + way * np.array([np.cos(self.direction), np.sin(self.direction)])
         s = self.size * size / (height / 2)
         c, d = s * np.cos(self.turn), s * np.sin(self.turn)

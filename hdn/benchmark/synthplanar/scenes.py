@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from ...imaging.arrays import Array, Image
-from .drawings import draw_occluder, draw_shadows, palette
+from .drawings import PERSON, draw_hand, draw_occluder, draw_shadows, draw_wall, palette
 from .light import Light
 from .motion import Ranges, Trajectory
 from .pictures import Pictures
@@ -21,8 +21,10 @@ class Challenge:
     """What makes an attribute.
 
     between: frames from one passer-by to the next, 0 for none. flat: little texture. lamp: probability that one is
-    mirrored in the target. crf: of H.264, the least, and one above the most. Others as in Scene and Light, the least
-    and the most of them.
+    mirrored in the target. crf: of H.264, the least, and one above the most. wall: how far a wall that lies in the
+    target's plane reaches around it, ratio to its longest side, 0 for none. hands: frames from one hand that reaches
+    over the target to the next, 0 for none. hidden: somebody stands before the whole target for a third of the clip.
+    Others as in Scene and Light, the least and the most of them.
     """
 
     ranges: Ranges = DEFAULT_RANGES
@@ -35,6 +37,9 @@ class Challenge:
     flat: bool = False
     lamp: float = 0.6
     crf: tuple[int, int] = (19, 29)
+    wall: float = 0.0
+    hands: int = 0
+    hidden: bool = False
 
 
 # Named as in POT, and two of our own.
@@ -50,6 +55,14 @@ CHALLENGES = {
     ),
     "low texture": Challenge(flat=True),
     "low light": Challenge(shutter=(0.6, 0.9), exposure=(0.07, 0.16), grain=(4.0, 7.0)),
+}
+# Where the target is covered or gone for long; what surrounds it lies on its plane in some, and behind it in others.
+INTERRUPTED = {
+    "wall": Challenge(Ranges(size=(190, 400), speed=0.7), wall=1.5, hands=70),
+    "board": Challenge(Ranges(size=(150, 380)), wall=0.4, between=60),
+    "hands": Challenge(Ranges(size=(150, 440), speed=0.7), hands=70),
+    "absence": Challenge(Ranges(size=(150, 400), absent=True)),
+    "hidden": Challenge(Ranges(size=(140, 260), speed=0.5), hidden=True),
 }
 # Nothing is hard here but to be exact: a well-seen target, and one that stands still under flickering light; compressed
 # as a camera does.
@@ -85,6 +98,8 @@ def make_scene(challenge: Challenge, width: int, height: int, frames: int, pictu
     margin = int(rng.integers(0, 4)) * longest // 64 // 2**LEVELS * 2**LEVELS  # a board's edge around the picture
     board = palette(1, rng)[0] * 0.5 + (110 if rng.random() < 0.5 else 20)
     sheets = [_sheet(picture, margin, board, longest) for picture in (poster, ad)]
+    if challenge.wall:
+        sheets = _on_wall(sheets, _sixteenths(challenge.wall * longest), rng)
     padding = (sheets[0].shape[1] - texels[0]) // 2
     target = cv2.copyMakeBorder(np.full(texels[::-1], 255, np.uint8), *[padding] * 4, cv2.BORDER_CONSTANT, value=0)
     texel = 1 / np.sqrt(texels[0] * texels[1])  # the target has unit area
@@ -100,7 +115,9 @@ def make_scene(challenge: Challenge, width: int, height: int, frames: int, pictu
         Layer.of(sheets[0], texel_to_plane),
         Layer.of(sheets[1], texel_to_plane),
         Layer.of(np.asarray(target, np.uint8), texel_to_plane),
-        _passages(challenge.between, frames, rng),
+        _passages(challenge.between, frames, rng)
+        + _hands(challenge.hands, frames, rng)
+        + _screen(challenge, frames, rng),
         _light(challenge, width, rng),
         shutter=rng.uniform(*challenge.shutter),
         grain=rng.uniform(*challenge.grain),
@@ -132,6 +149,21 @@ def _sheet(picture: Image, margin: int, board: Array, longest: int) -> Image:
     return np.concatenate([padded, alpha[..., None]], 2)
 
 
+def _on_wall(sheets: list[Image], reach: int, rng: Rng) -> list[Image]:
+    """The sheets on one wall that goes `reach` texels farther than they to all sides, RGBA."""
+    height, width = (side + 2 * reach for side in sheets[0].shape[:2])
+    wall = draw_wall((width, height), rng)
+    inner = slice(reach, -reach), slice(reach, -reach)
+    on_wall = []
+    for sheet in sheets:
+        whole = wall.copy()
+        through = 255 - sheet[..., 3]
+        behind = cv2.multiply(np.ascontiguousarray(wall[inner]), cv2.merge([through] * 3), scale=1 / 255)
+        whole[inner] = cv2.add(behind, np.ascontiguousarray(sheet[..., :3]))
+        on_wall.append(np.concatenate([whole, np.full((height, width, 1), 255, np.uint8)], 2))
+    return on_wall
+
+
 def _passages(between: int, frames: int, rng: Rng) -> tuple[Passage, ...]:
     """Passers-by at uneven intervals, none of them before the target in the first frame, from which trackers start."""
     passages: list[Passage] = []
@@ -142,6 +174,39 @@ def _passages(between: int, frames: int, rng: Rng) -> tuple[Passage, ...]:
         passages.append(Passage(texture, max(middle, 1.4 * length), length, direction, size, rng.uniform(-0.35, 0.35)))
         middle += between * rng.uniform(0.7, 1.3)
     return tuple(passages)
+
+
+def _hands(between: int, frames: int, rng: Rng) -> tuple[Passage, ...]:
+    """Hands that reach over up to two thirds of the target from any side, stay, and go back; none is there at first."""
+    passages: list[Passage] = []
+    if not between:
+        return ()
+    middle = rng.uniform(0.4, 0.6) * between
+    while middle < frames:
+        length, stay, direction = rng.uniform(6, 12), rng.uniform(15, 30), rng.uniform(0, 2 * np.pi)
+        passages.append(
+            Passage(
+                draw_hand(rng),
+                max(middle, 1.4 * length + stay / 2),
+                length,
+                direction,
+                rng.uniform(2.0, 2.6),
+                direction + np.pi / 2,  # its fingers, which the drawing has upward, go first
+                stay,
+                returns=True,
+                sway=rng.uniform(0.03, 0.1),
+            )
+        )
+        middle += between * rng.uniform(0.8, 1.2)
+    return tuple(passages)
+
+
+def _screen(challenge: Challenge, frames: int, rng: Rng) -> tuple[Passage, ...]:
+    """Somebody who stands before the whole target in the clip's middle third."""
+    if not challenge.hidden:
+        return ()
+    direction = (0.0 if rng.random() < 0.5 else np.pi) + rng.uniform(-0.2, 0.2)
+    return (Passage(draw_occluder(rng, PERSON), frames / 2, frames / 9, direction, 6.0, 0.0, stay=frames / 3),)
 
 
 def _light(challenge: Challenge, width: int, rng: Rng) -> Light:
