@@ -10,13 +10,14 @@ import cv2
 import numpy as np
 
 from ..imaging.arrays import Array, Image
-from .metrics import Measures, alignment_errors, figures, mean_figures, pooled
+from .metrics import LIMITS, Measures, alignment_errors, figures, mean_figures, pooled
 from .running import Track
 from .sequences import Sequence
 
 SHEET_FRAMES, SHEET_COLUMNS, SHEET_WIDTH = 12, 3, 480  # frames; frames a row; px of a frame
 APART = 15  # frames of one sequence between two on a sheet
 DECIMALS = {"median error": 2, "jitter": 2, "frames to recover": 1, "ms": 1}  # of a figure in a table, else 3
+TRACKED_WRONGLY = f"Share of the frames called `tracked` that err by more than {LIMITS.tracked_px:g} px"
 TRUE_COLOUR, TRACKED_COLOUR = (60, 220, 90), (240, 60, 60)
 
 
@@ -77,6 +78,7 @@ def section(groups: dict[str, list[Result]]) -> list[str]:
     text += ["All frames pooled:", "", *markdown(means["frames"]), ""]
     if any(r.sequence.attributes for group in groups.values() for r in group):
         text += ["Average precision by attribute:", "", *markdown(attribute_table(groups)), ""]
+        text += [f"{TRACKED_WRONGLY}, by attribute:", "", *markdown(attribute_table(groups, "tracked wrongly")), ""]
     return text
 
 

@@ -169,6 +169,7 @@ def test_a_sequence_without_its_true_clip_is_refused(folder: Path, tmp_path: Pat
         read_scenes(tmp_path)
 
 
+@pytest.mark.usefixtures("shared_networks")
 def test_the_report_says_everything(
     folder: Path, evaluated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -176,18 +177,26 @@ def test_the_report_says_everything(
     monkeypatch.setattr(report, "DEGRADATIONS", {"dark": "at night"})
     monkeypatch.setattr(report, "_make_clips", lambda *_: folder)
     monkeypatch.setattr(report, "ALL", ("ecc", "flow"))
-    monkeypatch.setattr(report, "COMPARED", ("flow",))
+    monkeypatch.setattr(report, "COMPARED", ("ar-track", "flow"))
+    monkeypatch.setattr(report, "WORKERS", 1)  # another process would have to load all modules
     written = tmp_path / "docs.md"
     with pytest.raises(SystemExit) as stop:
-        report.main([str(folder), "--out", str(tmp_path / "out"), "--report", str(written)])
+        report.main([str(folder), "--out", str(tmp_path / "out"), "--report", str(written), "--clip-frames", "5"])
     assert stop.value.code == 0, capsys.readouterr().err
     text = written.read_text(encoding="utf-8")
-    for line in ("Tracking: SynthPlanar", "Tracking: real clips", "Composites: SynthPlanar", "Published figures"):
-        assert f"\n## {line}" in text
+    titles = ("SynthPlanar", "SynthPlanar, interrupted views", "real clips")
+    others = ("Composites: SynthPlanar", "Published figures, for orientation")
+    for line in (*(f"Tracking: {title}" for title in titles), *others):
+        assert f"\n## {line}\n" in text
     assert "dark: at night" in text
+    assert "the first 5 frames of each" in text
     assert "**Not measured here.**" in text
-    assert text.count("| flow |") >= 4
+    harder = text.split("### The same clips made harder")[1]
+    for title in ("Average precision, mean", "P<=5, mean", "Share of the frames called `tracked`"):
+        table = harder.split(f"{title}")[1].split("\n\n")[1].splitlines()
+        assert table[0] == "| tracker | clean | dark | all |"
+        assert [line.split(" | ")[0] for line in table[2:]] == ["| ar-track", "| flow"]
     shown = [part.split(")")[0] for part in text.split("](")[1:]]
-    assert len(shown) == 4
+    assert len(shown) == 6
     for name in shown:
         assert 0 < (tmp_path / name).stat().st_size < 100_000
