@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from .alignment.agreement import CELLS
-from .alignment.refinement import NO_BLUR, START_COVARIANCE, Alignment
+from .alignment.refinement import NO_BLUR, START_COVARIANCE, Alignment, as_cells
 from .evidence import THRESHOLDS, Evidence, is_fix
 from .imaging.arrays import Array, Floats
 from .imaging.homography import normalised, transform
@@ -27,6 +27,8 @@ class SearchModel:
     """Constants of the search in one frame."""
 
     sure_support: float = 0.85  # from which no other start is tried
+    forgetting: float = 1.6
+    measured_margin: float = 0.2
     support_margin: float = 0.02  # by which the candidate of an expected pose may fall short of HDN's and be taken
     keypoint_interval: int = 2  # a lost target is looked for by keypoints once in so many frames, else by HDN
 
@@ -80,6 +82,7 @@ class FrameSearch:
         self.is_attached = pose.is_attached
         self.by_map = None
         self.prior = None
+        self.seen = None
 
     def nearby(self) -> Candidate:
         """The best candidate about the last pose: HDN's stages, refined; where little supports that, expected poses."""
@@ -93,8 +96,15 @@ class FrameSearch:
             best = max(best, self._aligned(again.homography, again), key=lambda candidate: candidate.support)
         if best.support < MODEL.sure_support:
             # Where much is hidden, what the visible part leaves open had better follow the motion so far.
-            for start, covariance, blur in self._expected(proposal):
-                other = self._aligned(start, proposal, covariance, blur)
+            prior, covariance, is_measured = self.expected(proposal)
+            blur = self.likeliest_blur(prior)
+            self.seen = seen = self._target.occlusion.seen(self._frame, prior)
+            other = self._aligned(prior, proposal, covariance, blur, seen)
+            margin = MODEL.measured_margin if is_measured else MODEL.support_margin
+            if other.support > best.support - margin:
+                return other
+            for start in (self._predicted, self._pose.homography):
+                other = self._aligned(start, proposal, START_COVARIANCE, blur)
                 if other.support > best.support - MODEL.support_margin:
                     return other
         return best
@@ -154,26 +164,30 @@ class FrameSearch:
         length = np.linalg.norm(corners - corners_before, axis=1).mean()
         return bool(difference < max(MODEL.attached_px, MODEL.attached_ratio * length))
 
-    def _expected(self, proposal: Proposal):
-        """Poses (3, 3) to be expected without a look at the target, likeliest first, their covariances (8, 8) and blur."""
+    @property
+    def _predicted(self):
         last = self._pose.homography
-        predicted = normalised(last @ np.linalg.inv(self._pose.previous) @ last)
-        prior, covariance = predicted, START_COVARIANCE
+        return normalised(last @ np.linalg.inv(self._pose.previous) @ last)
+
+    def expected(self, proposal: Proposal):
+        """The pose (3, 3) to be expected without a look at the target, its covariance (8, 8), and whether it was measured."""
+        last = self._pose.homography
+        prior, covariance, is_measured = self._predicted, START_COVARIANCE, False
         step = self.step(proposal)
         if step is not None:
             carried = normalised(step.homography @ last)
             if self._target.is_plausible(carried):
-                prior, covariance = carried, self._pose.covariance + step.covariance
+                prior, covariance, is_measured = carried, self._pose.covariance * (MODEL.forgetting if self._pose.missed == 0 else 1) + step.covariance, step.agreement > 0.75
                 self.prior = prior, covariance
         elif self.carried is not None:
             prior, covariance = self.carried, self._pose.covariance + CARRIED_COVARIANCE
-        self.by_map = self._target.plane.align(self._frame.grey, prior, covariance)
+        self.around = self._target.plane_occlusion.seen(self._frame, prior)
+        self.by_map = self._target.plane.align(self._frame.grey, prior, covariance, self.around)
         if self.by_map is not None and self._target.is_plausible(self.by_map.homography):
             prior, covariance = self.by_map.homography, self.by_map.covariance
+            is_measured |= self.by_map.agreement > 0.75
             self.prior = prior, covariance
-        blur = self.likeliest_blur(prior)
-        poses = [(prior, covariance, blur), (predicted, START_COVARIANCE, blur), (last, START_COVARIANCE, blur)]
-        return poses
+        return prior, covariance, is_measured
 
     def likeliest_blur(self, pose):
         refiner = self._target.refiner
@@ -190,13 +204,13 @@ class FrameSearch:
         plane = self._target.plane
         return plane_motion(
             self._pose.frames[0], self._frame.grey, self._target.corners(last), plane.lengths,
-            plane.trust(self._pose.visibility), self._target.refiner.standard_side, starts, START_COVARIANCE,
+            plane.trust(self._pose.shown, self._pose.visibility), plane.margin, self._target.refiner.standard_side, starts, START_COVARIANCE,
         )
 
     def _propose(self, start: Array) -> Proposal:
         return self._target.proposer.propose(self._frame.colour, start)
 
-    def _aligned(self, start: Array, proposal: Proposal, covariance: Array = START_COVARIANCE, blur=NO_BLUR) -> Candidate:
+    def _aligned(self, start: Array, proposal: Proposal, covariance: Array = START_COVARIANCE, blur=NO_BLUR, seen=None) -> Candidate:
         """Photometric alignment from a start, judged together with what a proposal says of the frame.
 
         Args:
@@ -205,10 +219,15 @@ class FrameSearch:
             covariance: (8, 8) of the start.
         """
         visible = _cells(proposal.visible)
-        weights = np.clip(MODEL.visibility_gain * visible - MODEL.visibility_offset, MODEL.min_visibility, 1)
+        if seen is not None and seen.mean() > 0.1:
+            weights = np.clip(MODEL.visibility_gain * seen - 1.4, MODEL.min_visibility, 1)
+            visible = as_cells(seen)
+        else:
+            seen = None
+            weights = np.clip(MODEL.visibility_gain * visible - MODEL.visibility_offset, MODEL.min_visibility, 1)
         found = self._target.refiner.align_roughly(self._frame, start, weights, covariance, blur)
         agreement = found.agreement
-        evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(proposal.visible.mean()))
+        evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(visible.mean()))
         if not self._target.is_plausible(found.homography):
             return Candidate(start, evidence, np.zeros((CELLS, CELLS), np.float32))
         evidence = replace(evidence, agreement=agreement.share, cohesion=agreement.cohesion, border=found.border)

@@ -55,7 +55,7 @@ class PlaneMapModel:
     trusted_ratio_range: float = 0.15
     # Standard deviation of the eight parameters that the plane's being a little bent adds, px at the edge of the
     # standard crop.
-    bent_deviation_px: tuple[float, ...] = (0.4, 0.4, 0.4, 0.4, 0.4, 0.4, 0.2, 0.2)
+    bent_deviation_px: tuple[float, ...] = (0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.4, 0.4)
 
 
 MODEL = PlaneMapModel()
@@ -116,10 +116,12 @@ class PlaneMap:
         self._inverse = (yy + ridge) / determinant, -xy / determinant, (xx + ridge) / determinant
         self._textured = (xx + yy > MODEL.min_gradient) & shown & self._around
 
-    def learn(self, frame: Pyramid, homography: Array) -> None:
-        """Learns from a grey frame in which the target is well seen, at a homography (3, 3)."""
-        if self._is_given:
-            return
+    def look(self, frame: Pyramid, homography: Array, learn: bool) -> Floats:
+        """Which cells (n, n), 0 or 1, a grey frame shows where a pose (3, 3) has them.
+
+        Args:
+            learn: whether the target is well seen there, so that the cells tell whether they moved with it.
+        """
         search = self.level.rectify(frame, homography)
         cells = self.level.cells
         correlation = self.level.correlation(search)
@@ -129,22 +131,27 @@ class PlaneMap:
         offset = np.hypot(a * ex + b * ey, b * ex + c * ey)
         moved_along = (correlation > MODEL.min_correlation) & (offset < MODEL.max_offset_px)
         judged = self._textured & self.level.in_frame(frame, homography)
-        change = np.where(moved_along, MODEL.gain * (1 - self.coplanar), -MODEL.loss * self.coplanar)
-        self.coplanar = self.coplanar + np.where(judged, change, 0).astype(np.float32)
+        if learn and not self._is_given:
+            change = np.where(moved_along, MODEL.gain * (1 - self.coplanar), -MODEL.loss * self.coplanar)
+            self.coplanar = self.coplanar + np.where(judged, change, 0).astype(np.float32)
+        return np.asarray(moved_along & judged, np.float32)
 
-    def trust(self, visibility: Floats) -> Floats:
-        """Weights (n, n) of all cells, the target's by what is seen of them (8, 8)."""
-        trust = self.coplanar * (self.coplanar > MODEL.trusted) * self._textured
-        inner = slice(self.margin, self.margin + CELLS)
+    def trust(self, shown: Floats, visibility: Floats) -> Floats:
+        """Weights (m, m) of all parts, by the cells that are shown (n, n) and the parts of the target seen (p, p)."""
+        scale = len(visibility) // CELLS
+        trust = (self.coplanar * (self.coplanar > MODEL.trusted) * shown).astype(np.float32)
+        trust = np.repeat(np.repeat(trust, scale, 0), scale, 1)
+        inner = slice(self.margin * scale, (self.margin + CELLS) * scale)
         trust[inner, inner] = visibility
         return trust
 
-    def align(self, frame: Pyramid, start: Array, covariance: Array) -> MapPose | None:
+    def align(self, frame: Pyramid, start: Array, covariance: Array, seen: Floats) -> MapPose | None:
         """Finds the target's pose in a grey frame by what surrounds it.
 
         Args:
             start: (3, 3) reference frame to this one, the pose that is expected.
             covariance: (8, 8) of it, as `Alignment` tells it.
+            seen: (n, n) 0..1, how probably each cell is seen.
 
         Returns:
             None where too little of the surroundings is known or seen to tell.
@@ -152,10 +159,10 @@ class PlaneMap:
         level, pose = self.level, start
         for _ in range(MODEL.steps):
             search = level.rectify(frame, pose)
-            known = self._textured & (self.coplanar > MODEL.trusted) & level.in_frame(frame, pose)
+            known = self._textured & (self.coplanar > MODEL.trusted) & (seen > 0.5) & level.in_frame(frame, pose)
             if known.sum() < MODEL.min_cells:
                 return None
-            trust = self._trust(level.correlation(search), known) * self.coplanar * known
+            trust = self._trust(level.correlation(search), known) * self.coplanar * seen * known
             prior = level.from_template @ np.linalg.inv(pose) @ start @ level.to_template
             warp, found = level.align(search, trust, prior, covariance)
             pose = normalised(pose @ level.to_template @ warp @ level.from_template)
@@ -164,7 +171,7 @@ class PlaneMap:
             if level.corner_motion(warp) < MODEL.settled_px:
                 break
         search = level.rectify(frame, pose)
-        known = self._textured & (self.coplanar > MODEL.trusted) & level.in_frame(frame, pose)
+        known = self._textured & (self.coplanar > MODEL.trusted) & (seen > 0.5) & level.in_frame(frame, pose)
         if known.sum() < MODEL.min_cells:
             return None
         agreement = float((level.correlation(search)[known] > MODEL.min_correlation).mean())

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from .alignment.agreement import CELLS
@@ -26,7 +27,7 @@ class PlaneMotionModel:
     min_agreement: float = 0.5
     min_trust: float = 3.0  # sum of the cells' trust, below which there is nothing to follow
     # Standard deviation that a step adds to the eight parameters whatever it claims, px at the edge of the standard crop.
-    deviation_px: tuple[float, ...] = (0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.08, 0.08)
+    deviation_px: tuple[float, ...] = (0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.12, 0.12)
 
 
 MODEL = PlaneMotionModel()
@@ -48,12 +49,10 @@ class Step(NamedTuple):
 
 
 def plane_motion(
-    before: Pyramid, after: Pyramid, corners: Array, lengths: Array, trust: Floats, standard_side: int,
+    before: Pyramid, after: Pyramid, corners: Array, lengths: Array, trust: Floats, margin: int, standard_side: int,
     starts: list[Array], prior_covariance: Array,
 ) -> Step | None:
-    if trust.sum() < MODEL.min_trust:
-        return None
-    trust, margin = _cropped(trust)
+    trust, margin = _cropped(trust, margin)
     levels = []
     for side, points in zip(MODEL.sides_px, MODEL.points, strict=True):
         size = np.maximum(np.round(side * lengths / lengths.max() / CELLS), 3).astype(int) * CELLS
@@ -70,16 +69,20 @@ def plane_motion(
 
 def _align(levels: list[Level], frame: Pyramid, start: Array, trust: Floats, prior: Array) -> Step | None:
     pose = start
+    scale = len(trust) // levels[0].cells
+    cells = cv2.resize(trust, (levels[0].cells,) * 2, interpolation=cv2.INTER_AREA)
     for level in levels:
         for _ in range(MODEL.steps):
             search = level.rectify(frame, pose)
             correlation = level.correlation(search)
-            weight = trust * level.in_frame(frame, pose)
+            weight = cells * level.in_frame(frame, pose)
             if weight.sum() < MODEL.min_trust:
                 return None
             good = correlation > MODEL.min_correlation
-            if (weight * good).sum() > 0.3 * weight.sum():
+            weight = level.in_frame(frame, pose).astype(np.float32)
+            if (weight * cells * good).sum() > 0.3 * (weight * cells).sum():
                 weight = weight * np.clip((correlation - 0.3) / 0.4, 0, 1)
+            weight = trust * np.repeat(np.repeat(weight, scale, 0), scale, 1)
             warp_prior = level.from_template @ np.linalg.inv(pose) @ start @ level.to_template
             warp, covariance = level.align(search, weight.astype(np.float32), warp_prior, prior)
             pose = normalised(pose @ level.to_template @ warp @ level.from_template)
@@ -88,20 +91,20 @@ def _align(levels: list[Level], frame: Pyramid, start: Array, trust: Floats, pri
             if level.corner_motion(warp) < MODEL.settled_px:
                 break
     correlation = level.correlation(level.rectify(frame, pose))
-    weight = trust * level.in_frame(frame, pose)
+    weight = cells * level.in_frame(frame, pose)
     agreement = float((weight * (correlation > MODEL.min_correlation)).sum() / max(weight.sum(), 1e-6))
     if agreement < MODEL.min_agreement:
         return None
     return Step(pose, covariance + OWN_COVARIANCE, agreement)
 
 
-def _cropped(trust: Floats) -> tuple[Floats, int]:
-    """Trust without the outer cells that have none, and how many cells of margin are left."""
-    margin = (len(trust) - CELLS) // 2
+def _cropped(trust: Floats, margin: int) -> tuple[Floats, int]:
+    """Trust (m, m) without the outer cells that have none, and how many cells of margin are left."""
+    scale = len(trust) // (CELLS + 2 * margin)
     cut = 0
     while cut < margin:
-        ring = trust[cut : len(trust) - cut, cut : len(trust) - cut]
-        if max(ring[0].max(), ring[-1].max(), ring[:, 0].max(), ring[:, -1].max()) > 0:
+        ring = trust[cut * scale : len(trust) - cut * scale, cut * scale : len(trust) - cut * scale]
+        if max(ring[:scale].max(), ring[-scale:].max(), ring[:, :scale].max(), ring[:, -scale:].max()) > 0:
             break
         cut += 1
-    return trust[cut : len(trust) - cut, cut : len(trust) - cut], margin - cut
+    return np.ascontiguousarray(trust[cut * scale : len(trust) - cut * scale, cut * scale : len(trust) - cut * scale]), margin - cut

@@ -10,9 +10,10 @@ from .imaging.arrays import Array, Floats
 from .imaging.homography import normalised, transform
 from .imaging.observation import Observation
 from .imaging.pyramid import Pyramid
-from .imaging.quads import area, is_convex, side
+from .imaging.quads import area, is_convex, outline, side
 from .imaging.regions import EVERYWHERE, Region
 from .networks.engine import Engine
+from .occlusion import Occlusion
 from .plane_map import PlaneMap
 from .proposal import Proposer, Stage
 from .redetection import Redetector
@@ -56,6 +57,8 @@ class Target:
     refiner: Refiner
     redetector: Redetector
     plane: PlaneMap
+    occlusion: Occlusion
+    plane_occlusion: Occlusion
     region: Region = EVERYWHERE
 
     @classmethod
@@ -66,7 +69,10 @@ class Target:
         usable = None if region.is_everywhere else region.mask(*frame.colour.size)
         refiner = Refiner(frame, quad, usable)
         plane = PlaneMap(frame, quad, refiner.standard_side, region)
-        return cls(quad, Proposer(engine, frame, quad, stages), refiner, Redetector(frame, quad), plane, region)
+        return cls(
+            quad, Proposer(engine, frame, quad, stages), refiner, Redetector(frame, quad), plane, Occlusion(engine, frame, quad),
+            Occlusion(engine, frame, transform(plane.level.to_template, outline(plane.level.width, plane.level.height)), plane.level.cells), region
+        )
 
     @property
     def is_refined(self) -> bool:
@@ -119,6 +125,7 @@ class Pose:
     is_attached: bool | None = None
     blur: Array = field(default_factory=lambda: np.zeros((2, 2)))
     visibility: Floats = field(default_factory=lambda: np.ones((CELLS, CELLS), np.float32))
+    shown: Floats = field(default_factory=lambda: np.zeros((CELLS, CELLS), np.float32))
 
     @classmethod
     def known(cls, homography: Array, frames: tuple[Pyramid, ...] = ()) -> "Pose":

@@ -12,6 +12,7 @@ from .imaging.observation import Observation
 from .imaging.quads import check_quad
 from .imaging.regions import EVERYWHERE, Region, check_region
 from .localisation import MODEL as SEARCH
+from .alignment.refinement import _finer
 from .localisation import Candidate, FrameSearch
 from .networks.engine import Engine
 from .networks.loading import load_engine
@@ -123,7 +124,8 @@ class Tracker:
         check_quad(quad, *seen.colour.size)
         check_region(region, *seen.colour.size)
         target = Target.from_frame(self.engine, seen, quad, self.stages, region)
-        self._state = target, Pose.known(np.eye(3), (seen.grey,))
+        cells = target.plane.level.cells
+        self._state = target, replace(Pose.known(np.eye(3), (seen.grey,)), shown=np.ones((cells, cells), np.float32), visibility=np.ones((32, 32), np.float32))
 
     def place(self, homography: Array) -> None:
         """Goes on from a known pose: (3, 3), reference-frame pixels to those of the frame before the next.
@@ -131,7 +133,8 @@ class Tracker:
         Raises:
             InputError: the tracker has no target yet.
         """
-        self._state = self.target, Pose.known(homography)
+        cells = self.target.plane.level.cells
+        self._state = self.target, replace(Pose.known(homography), shown=np.zeros((cells, cells), np.float32))
 
     def lose(self) -> None:
         """Counts the target as lost, as after a cut: the next frame is searched as a whole.
@@ -173,11 +176,22 @@ class Tracker:
             is_measured = False
         # Once nothing hides the target, whether it is attached is to be measured anew when next something does.
         is_clear = is_found and candidate.support >= SEARCH.sure_support
-        if is_clear and target.is_refined:
-            target.plane.learn(seen.grey, pose.homography)
-        visibility = candidate.visibility if is_found else pose.visibility
-        blur = candidate.alignment.blur if is_found and candidate.alignment is not None else pose.blur
-        self._state = target, replace(pose, is_attached=None if is_clear else search.is_attached, visibility=visibility, blur=blur)
+        if target.is_refined:
+            shown = target.plane.look(seen.grey, pose.homography, is_clear)
+            if is_found:
+                agreement = candidate.alignment.agreement
+                visibility = _finer(np.where(agreement.textured, agreement.agrees_surely, 1).astype(np.float32), 32)
+                if search.seen is not None:
+                    visibility = visibility * np.clip(2 * search.seen - 0.8, 0, 1)
+                elif not is_clear:
+                    visibility = visibility * _finer(candidate.visibility, 32)
+            else:
+                visibility = np.zeros((32, 32), np.float32) if search.seen is None else np.clip(2 * search.seen - 0.8, 0, 1)
+            pose = replace(pose, visibility=visibility, shown=shown)
+            blur = candidate.alignment.blur if is_found and candidate.alignment is not None else pose.blur
+        else:
+            blur = pose.blur
+        self._state = target, replace(pose, is_attached=None if is_clear else search.is_attached, blur=blur)
         return _estimate(target, pose, candidate, is_found, is_measured)
 
     def _initialised(self) -> tuple[Target, Pose]:

@@ -129,8 +129,7 @@ class Level:
         chosen[:margin], chosen[-margin:], chosen[:, :margin], chosen[:, -margin:] = False, False, False, False
         y, x = np.nonzero(chosen)
         self._points = np.stack([x, y, np.ones_like(x)], 1).astype(np.float32)
-        self._values = self.template[y, x]
-        self._cells = y * self.cells // self.height, x * self.cells // self.width
+        self._values, self._at = self.template[y, x], (y, x)
         # Normalising amplifies the noise of what has little contrast.
         self._certainty = 1 / np.sqrt(MODEL.mismatch**2 + np.square(MODEL.noise_grey / deviation[y, x]))
         dx, dy = gx[y, x] / self._scale, gy[y, x] / self._scale
@@ -172,7 +171,7 @@ class Level:
 
         Args:
             search: (h, w) what `rectify` made.
-            trust: (cells, cells) weights of the cells, 0..1.
+            trust: (n, n) weights of parts of the crop, 0..1; n is any number.
             prior_warp: (3, 3) the warp that is likeliest without a look.
             prior_covariance: (8, 8) of its parameters, px^2 at the edge of the standard crop.
             constraint: what the target's border tells of the warp.
@@ -180,7 +179,8 @@ class Level:
         Returns:
             The warp (3, 3), template pixels to pixels of the search crop, and its covariance (8, 8), as the prior's.
         """
-        trusted = trust[self._cells]
+        y, x = self._at
+        trusted = trust[y * len(trust) // self.height, x * len(trust) // self.width]
         tells_noise = trusted > MODEL.min_relative_trust * trusted.max()
         prior = np.linalg.inv(prior_covariance) / self._standard_pixel**2
         information = prior + constraint.information

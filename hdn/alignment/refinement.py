@@ -84,7 +84,7 @@ class Prior:
     Attributes:
         homography: (3, 3) the likeliest pose, template to frame.
         covariance: (8, 8) of it, as an alignment tells it.
-        visibility: (8, 8) 0..1, which cells of the target may be looked at.
+        visibility: (n, n) 0..1, which parts of the target may be looked at.
         blur: (2, 2) px^2 of the standard crop, by which the frame is expected to be blurrier than the template.
     """
 
@@ -252,11 +252,11 @@ class Refiner:
         """One alignment at one level, from a pose that the steps before led to."""
         search, agreement = self._compare(level, frame, homography)
         prior_warp = level.from_template @ np.linalg.inv(homography) @ prior.homography @ level.to_template
-        trust = self._trust(agreement.correlation) * prior.visibility
+        trust = _finer(self._trust(agreement.correlation), len(prior.visibility)) * prior.visibility
         constraint = UNCONSTRAINED
         if self._borders:
             border = self._borders[level is not self._coarse]
-            constraint = border.constraint(frame.colour, homography, prior.visibility)
+            constraint = border.constraint(frame.colour, homography, as_cells(prior.visibility))
         warp, covariance = level.align(search, trust, prior_warp, prior.covariance, constraint)
         found = normalised(homography @ level.to_template @ warp @ level.from_template)
         return Alignment(found, agreement, covariance, level.corner_motion(warp), prior)
@@ -279,7 +279,7 @@ class Refiner:
         """Mean correlation of the visible cells, of a frame at a pose with the template blurred."""
         level = self._matched(self._coarse, blur)
         correlation = np.maximum(level.correlation(level.rectify(frame.grey, homography)), 0)
-        weight = visibility * self.textured + 1e-6
+        weight = as_cells(visibility) * self.textured + 1e-6
         return float((correlation * weight).sum() / weight.sum())
 
     def spectral_blur(self, frame: Observation, homography: Array) -> Array:
@@ -297,7 +297,8 @@ class Refiner:
         is_rough = self._clear_correlation(correlation) < MODEL.min_clear_correlation
         if is_rough or _typical_correlation(alignment.agreement) > MODEL.equal_correlation:
             return alignment.prior.blur
-        trust = self._trust(correlation) * alignment.prior.visibility
+        visibility = alignment.prior.visibility
+        trust = _finer(self._trust(correlation), len(visibility)) * visibility
         level = self._standard
         trusted = cv2.resize(trust, (level.width, level.height), interpolation=cv2.INTER_NEAREST)
         return relative_blur(level.raw, level.crop(frame.grey, alignment.homography), trusted, level.window, alignment.prior.blur)
@@ -324,6 +325,20 @@ class Refiner:
         centres = transform(homography, self._cell_centres)
         w, h = frame.colour.size
         return np.asarray(((centres > -0.5) & (centres < [w - 0.5, h - 0.5])).all(-1))
+
+
+def as_cells(parts: Floats) -> Floats:
+    """A map (n, n) of the target, of any resolution, as (8, 8)."""
+    if len(parts) == CELLS:
+        return parts
+    return np.asarray(cv2.resize(parts, (CELLS, CELLS), interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _finer(cells: Floats, parts: int) -> Floats:
+    """A map (8, 8) of the target as (n, n), n parts along either side."""
+    if len(cells) == parts:
+        return cells
+    return np.asarray(cv2.resize(cells, (parts, parts), interpolation=cv2.INTER_NEAREST), np.float32)
 
 
 def _variance(blur: Array) -> float:
