@@ -83,7 +83,7 @@ def matte_batch(photos: Photos, batch: int, size: int, pairs: MattePairs) -> Mat
 
 
 def surfaces(photos: Photos, shapes: Outlines, batch: int) -> Tensor:
-    """Surfaces (B, 3, CANVAS, CANVAS), 0..1: photographs, some with flat shapes on them, or such shapes on one colour."""
+    """Surfaces (B, 3, CANVAS, CANVAS), 0..1: photographs, some with flat shapes on them or on one colour instead."""
     device = photos.device
     index = random_photos(photos, batch)
     zoom = torch.diag(torch.tensor([1 / SCALE, 1 / SCALE, 1], device=device))
