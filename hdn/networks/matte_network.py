@@ -1,7 +1,7 @@
 """The matte network as a PyTorch module, and its way into weights files and out of them.
 
-A U-Net (Ronneberger et al., MICCAI 2015) of residual blocks. It looks at both crops and at their difference: what stays
-the same is the surface, what varies smoothly is light, what is neither is in front.
+A U-Net (Ronneberger et al., MICCAI 2015) of residual blocks. What stays the same in both crops is the surface, what
+varies smoothly is light, what is neither is in front.
 """
 
 from itertools import pairwise
@@ -17,7 +17,8 @@ from .weights import MATTE, architecture
 
 WIDTHS = (24, 32, 48, 64, 64)  # channels at strides 2, 4, 8, 16, 32
 FINE = 12  # channels at stride 1, where the outline is drawn
-INPUTS = 10  # frame, template, their absolute difference, and what is known
+NOISE = 6.0  # grey levels that standard deviations are taken to have at least: without texture there is noise
+INPUTS = 21  # channels of `compared`
 
 
 class MatteNetwork(nn.Module):
@@ -36,8 +37,7 @@ class MatteNetwork(nn.Module):
 
     def forward(self, frame: Tensor, template: Tensor, valid: Tensor) -> Tensor:
         """Rectified RGB crops (B, 3, n, n), 0..255, and where both are known (B, 1, n, n), 0 or 1: (B, 1, n, n)."""
-        crops = torch.cat([frame - 128, template - 128, (frame - template).abs()], 1) / 64
-        inputs = torch.cat([crops * valid, valid], 1)
+        inputs = compared(frame, template, valid)
         x, skipped = self.stem(inputs), []  # (B, 24, n / 2, n / 2)
         for block, shrink in zip(self.encode, self.shrink, strict=False):
             x = block(x)
@@ -48,6 +48,41 @@ class MatteNetwork(nn.Module):
             x = block(join(torch.cat([F.interpolate(x, scale_factor=2.0), skip], 1)))
         x = F.interpolate(self.enlarge(x), scale_factor=2.0, mode="bilinear", align_corners=False)
         return self.draw(torch.cat([inputs, x], 1))
+
+
+def compared(frame: Tensor, template: Tensor, valid: Tensor) -> Tensor:
+    """What the network looks at, (B, 21, n, n): the crops and their difference as they are, and free of light.
+
+    Each is there once in grey levels, once standardised over the crop, which a change of exposure leaves as it is, and
+    in grey standardised over a window about each pixel, which shadows leave as they are.
+    """
+    raw = torch.cat([frame - 128, template - 128, (frame - template).abs()], 1) / 64
+    one, other = _standardised(frame, valid), _standardised(template, valid)
+    grey = torch.cat([frame.mean(1, keepdim=True), template.mean(1, keepdim=True)], 1)
+    channels = [raw, valid, one, other, (one - other).abs(), _locally_standardised(grey, valid)]
+    return torch.cat(channels, 1) * valid
+
+
+def _standardised(crops: Tensor, valid: Tensor) -> Tensor:
+    """Crops (B, 3, n, n) with the mean of what is valid at zero and its deviation at one."""
+    count = valid.sum((2, 3), keepdim=True).clamp_min(1)
+    centred = crops - (crops * valid).sum((2, 3), keepdim=True) / count
+    spread = ((centred.square() * valid).sum((2, 3), keepdim=True) / count).sqrt()
+    return centred / (spread + NOISE)
+
+
+def _locally_standardised(crops: Tensor, valid: Tensor) -> Tensor:
+    """The same by the mean and deviation of what is valid of a 16 px square about each pixel."""
+    count = _window(valid).clamp_min(1e-3)
+    mean = _window(crops * valid) / count
+    spread = (_window(crops.square() * valid) / count - mean.square()).clamp_min(0).sqrt()
+    return (crops - mean) / (spread + NOISE)
+
+
+def _window(maps: Tensor) -> Tensor:
+    """The mean over 16 px squares about each pixel, by way of every fourth."""
+    coarse = F.avg_pool2d(maps, 16, 4, 6, count_include_pad=False)
+    return F.interpolate(coarse, scale_factor=4.0, mode="bilinear", align_corners=False)
 
 
 class OfCrops(nn.Module):

@@ -32,7 +32,7 @@ def shine(photos: Photos, shapes: Outlines, crops: Tensor, strength: float) -> T
     x = crops * (gain * uniform((b, 1, 1, 1), 0, 0.35, device) * strength).exp()
 
     for share in (0.5, 0.2):  # shadows, of hands as well
-        dark = uniform((b, 1, 1, 1), 0.15, 0.75, device) * some(share)
+        dark = uniform((b, 1, 1, 1), 0.15, 0.65, device) * some(share)
         tint = 1 + uniform((b, 3, 1, 1), -0.1, 0.1, device)
         x = x * (1 - (dark * tint).clamp(0, 0.9) * soft(shapes.take(b, size), edge(1, 60)))
 

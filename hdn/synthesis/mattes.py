@@ -23,13 +23,28 @@ class MattePairs:
 
     negative: float = 0.06  # shows another surface: all is hidden
     occluded: float = 0.75  # of the rest, has something in front
+    second: float = 0.25  # of those, has another thing in front as well
     covered: float = 0.05  # of the rest, is covered altogether
     blurred: float = 0.35  # frames with motion blur, up to 21 px
     coarse: float = 0.25  # frames of a lower resolution
-    darkened: float = 0.15  # frames down to 15 to 50 % of the light
+    darkened: float = 0.1  # frames down to 15 to 50 % of the light
     light: float = 1.0  # strength of the light that varies over the surface
     far: float = 0.2  # off by 1.2 to 4 px of the crop; the others by 0 to 1.2
     cut: float = 0.2  # partly beyond the frame's border, or not known in the template
+
+
+@dataclass(frozen=True)
+class LookShares:
+    """What occluders look like, as shares of them."""
+
+    skin: float = 0.28
+    flat: float = 0.2
+    striped: float = 0.07
+    photograph: float = 0.2
+    alike: float = 0.25  # of one colour, much like the mean of the surface beneath
+
+
+LOOKS = LookShares()
 
 
 @dataclass
@@ -41,7 +56,7 @@ class MatteBatch:
 
 
 def matte_batch(photos: Photos, batch: int, size: int, pairs: MattePairs) -> MatteBatch:
-    """Rectified frame and template crops, drawn."""
+    """Rectified frame and template crops, drawn; at least two, since another surface is another pair's."""
     device = photos.device
     shapes = Outlines(photos, 3 * batch)
     canvas = surfaces(photos, shapes, batch)
@@ -53,8 +68,8 @@ def matte_batch(photos: Photos, batch: int, size: int, pairs: MattePairs) -> Mat
 
     frame = blur(shine(photos, shapes, frame, pairs.light).clamp(0, 1.5), pairs.blurred / 2, 21)
     hidden = negative.float().expand(-1, 1, size, size)
-    for share in (pairs.occluded, pairs.occluded * 0.25):
-        frame, hidden = occlude(photos, shapes, frame, hidden, share, pairs.covered if share == pairs.occluded else 0)
+    frame, hidden = occlude(photos, shapes, frame, hidden, pairs.occluded, pairs.covered)
+    frame, hidden = occlude(photos, shapes, frame, hidden, pairs.second * pairs.occluded, 0)
 
     both = torch.cat([frame, hidden], 1)
     both = coarsen(blur(both, pairs.blurred / 2, 21), pairs.coarse)
@@ -68,7 +83,7 @@ def matte_batch(photos: Photos, batch: int, size: int, pairs: MattePairs) -> Mat
 
 
 def surfaces(photos: Photos, shapes: Outlines, batch: int) -> Tensor:
-    """Surfaces (B, 3, CANVAS, CANVAS), 0..1: photographs, a third with flat shapes on them or on one colour."""
+    """Surfaces (B, 3, CANVAS, CANVAS), 0..1: photographs, some with flat shapes on them or on one colour instead."""
     device = photos.device
     index = random_photos(photos, batch)
     zoom = torch.diag(torch.tensor([1 / SCALE, 1 / SCALE, 1], device=device))
@@ -159,7 +174,7 @@ def appearance(photos: Photos, crops: Tensor, alpha: Tensor, distance: Tensor) -
     alike = (beneath + sign * uniform((b, 3, 1, 1), 0.03, 0.2, device)).expand(-1, 3, size, size)
 
     kinds = torch.stack([skin, flat, striped, photo, alike], 1)
-    chance = torch.tensor([0.35, 0.15, 0.1, 0.25, 0.15], device=device)
+    chance = torch.tensor([LOOKS.skin, LOOKS.flat, LOOKS.striped, LOOKS.photograph, LOOKS.alike], device=device)
     look = kinds[torch.arange(b, device=device), torch.multinomial(chance, b, replacement=True)]
     # Round things darken towards their outline; light falls from one side.
     depth = (-distance / uniform((b, 1, 1, 1), 3, 25, device)).clamp(0, 1)

@@ -4,6 +4,7 @@ They are drawn on a coarse grid over a crop's square, -1..1 along x and y, and e
 """
 
 import math
+from dataclasses import dataclass
 
 import torch
 import torch.nn.functional as F
@@ -16,6 +17,21 @@ COARSE = 64  # cells along a side of the grid that outlines are drawn on
 FINGERS = 5
 
 
+@dataclass(frozen=True)
+class OutlineShares:
+    """What outlines are of, as shares of them."""
+
+    hands: float = 0.4
+    blobs: float = 0.15
+    polygons: float = 0.15
+    bars: float = 0.15
+    silhouettes: float = 0.15
+    ragged: float = 0.2  # of all, have a ragged edge, as cloth and hair
+
+
+SHARES = OutlineShares()
+
+
 class Outlines:
     """A stock of outlines, all of the kinds above, of which many are taken for one batch, flipped and turned anew."""
 
@@ -23,10 +39,11 @@ class Outlines:
         """Draws about so many, the kinds by their shares."""
         device = photos.device
         points = pixel_grid(COARSE, device) * (2 / COARSE)  # (N, 2)
-        hand, other = -(-2 * count // 5), -(-3 * count // 20)
-        kinds = [hands(hand, points), *(draw(other, points) for draw in (blobs, polygons, bars))]
-        distance = torch.cat([*kinds, silhouettes(photos, other)]).reshape(-1, 1, COARSE, COARSE)
-        ragged = torch.where(torch.rand(len(distance), 1, 1, 1, device=device) < 0.2, 0.04, 0.0)  # as cloth, hair
+        numbers = [math.ceil(count * share) for share in (SHARES.hands, SHARES.blobs, SHARES.polygons, SHARES.bars)]
+        kinds = [draw(n, points) for draw, n in zip((hands, blobs, polygons, bars), numbers, strict=True)]
+        kinds.append(silhouettes(photos, math.ceil(count * SHARES.silhouettes)))
+        distance = torch.cat(kinds).reshape(-1, 1, COARSE, COARSE)
+        ragged = torch.where(torch.rand(len(distance), 1, 1, 1, device=device) < SHARES.ragged, 0.04, 0.0)
         self.stock = distance + ragged * torch.randn_like(distance)
 
     def take(self, batch: int, size: int) -> Tensor:

@@ -10,20 +10,23 @@ import torch
 
 from ..commandline import Parser, run
 from ..errors import InputError
-from ..networks import pytorch
+from ..networks import matte_network, pytorch
 from ..networks.config import COMPACT, CONFIGS
 from ..networks.conversion import pack_ir
-from ..networks.weights import shipped
+from ..networks.weights import FILE_NAME, MATTE, MATTE_FILE_NAME, architecture, shipped
 from ..synthesis import Photos
 from . import ablation
 from .checkpoint import read_checkpoint
 from .data import find_images, held_out
 from .initial import load_start
 from .loop import COMPONENTS, HELD_OUT_IN_MEMORY, Data, train
-from .objectives import PolarObjective, ResidualObjective, TranslationObjective
+from .matte import MatteObjective
+from .objectives import Objective, PolarObjective, ResidualObjective, TranslationObjective
 from .packing import pack, pack_matte
 from .recipes import recipe_of
 from .validation import Figures, table, validate
+
+SHIPPED = {"shipped": FILE_NAME, "matte": MATTE_FILE_NAME}  # what `validate` takes for the files that ship
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -49,11 +52,18 @@ def _parser() -> Parser:
     for component in COMPONENTS:
         command = commands.add_parser(component, help=f"train the {component} component", description="")
         _add_training(command)
-        command.add_argument("--start", type=Path, metavar="FILE", help="begin with the weights of this file")
+        _add_network(command)
+        _add_start(command)
         command.set_defaults(run=_train)
+
+    command = commands.add_parser(MATTE, help="train the network that tells what hides a surface", description="")
+    _add_training(command)
+    _add_start(command)
+    command.set_defaults(run=_train, videos=[], config=COMPACT.name, backbone=None)
 
     command = commands.add_parser("ablation", help="train the rows of the paper's ablation table", description="")
     _add_training(command)
+    _add_network(command)
     command.set_defaults(run=_ablate)
 
     command = commands.add_parser(
@@ -68,7 +78,7 @@ def _parser() -> Parser:
     command.set_defaults(run=_pack)
 
     command = commands.add_parser("validate", help="errors of weights on held-out images", description="")
-    command.add_argument("--weights", required=True, metavar="FILE", help="a weights file, or 'shipped'")
+    command.add_argument("--weights", required=True, metavar="FILE", help="a weights file, or 'shipped', or 'matte'")
     command.add_argument("--images", type=Path, nargs="+", required=True, metavar="DIR", help="of them the held-out")
     _add_machine(command)
     command.set_defaults(run=_validate)
@@ -78,14 +88,22 @@ def _parser() -> Parser:
 def _add_training(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("--images", type=Path, nargs="+", default=[], metavar="DIR", help="trees of images")
-    add("--videos", type=Path, nargs="+", default=[], metavar="DIR", help="trees of videos or folders of frames")
-    add("--config", choices=list(CONFIGS), default=COMPACT.name, help="default compact")
     add("--out", type=Path, required=True, metavar="DIR", help="for checkpoints, curves and reports")
     add("--steps", type=int, metavar="N", help="default: the recipe's")
     add("--batch", type=int, metavar="N", help="default: the recipe's")
-    add("--backbone", type=Path, metavar="FILE", help="its ImageNet weights (default for compact: the shipped ones)")
     add("--seed", type=int, default=0, metavar="N", help="default 0")
     _add_machine(command)
+
+
+def _add_network(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("--videos", type=Path, nargs="+", default=[], metavar="DIR", help="trees of videos or folders of frames")
+    add("--config", choices=list(CONFIGS), default=COMPACT.name, help="default compact")
+    add("--backbone", type=Path, metavar="FILE", help="its ImageNet weights (default for compact: the shipped ones)")
+
+
+def _add_start(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--start", type=Path, metavar="FILE", help="begin with the weights of this file")
 
 
 def _add_machine(command: argparse.ArgumentParser) -> None:
@@ -181,17 +199,28 @@ def _pack(options: argparse.Namespace) -> None:
 
 def _validate(options: argparse.Namespace) -> None:
     device = _machine(options)
-    network = pytorch.load(shipped() if options.weights == "shipped" else Path(options.weights))
+    objectives = _objectives(
+        shipped(SHIPPED[options.weights]) if options.weights in SHIPPED else Path(options.weights), device
+    )
     found = find_images(options.images)
     kept = [p for p in found if held_out(p)]
     print(f"{len(kept or found)} images, {'of held-out sources' if kept else 'none of them of a held-out source'}")
-    photos, recipe = Photos.read((kept or found)[:HELD_OUT_IN_MEMORY], device), recipe_of(network.config)
+    photos = Photos.read((kept or found)[:HELD_OUT_IN_MEMORY], device)
     columns: dict[str, Figures] = {}
-    for objective in (
-        TranslationObjective(network.similarity, recipe, device),
-        PolarObjective(network.similarity, recipe, device),
-        ResidualObjective(network.residual, recipe, device),
-    ):
+    for objective in objectives:
         for name, figures in validate(objective, photos, options.pairs).items():
             columns.setdefault(name, {}).update(figures)
     print(table(columns))
+
+
+def _objectives(path: Path, device: torch.device) -> list[Objective]:
+    """What the networks of a weights file are taught."""
+    if architecture(path, [*CONFIGS, MATTE]) == MATTE:
+        return [MatteObjective(matte_network.load(path), device)]
+    network = pytorch.load(path)
+    recipe = recipe_of(network.config)
+    return [
+        TranslationObjective(network.similarity, recipe, device),
+        PolarObjective(network.similarity, recipe, device),
+        ResidualObjective(network.residual, recipe, device),
+    ]

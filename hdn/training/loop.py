@@ -15,6 +15,7 @@ from ..networks.matte_network import MatteNetwork
 from ..networks.paper import PaperResidual
 from ..networks.residual import ResidualNetwork
 from ..networks.similarity import SimilarityNetwork
+from ..networks.weights import MATTE
 from ..synthesis import Photos
 from . import curves
 from .checkpoint import read_checkpoint, write_checkpoint
@@ -26,7 +27,7 @@ from .recipes import Recipe, recipe_of
 from .replay import Replay
 from .validation import Figures, validate
 
-COMPONENTS = ("translation", "polar", "residual", "matte")
+COMPONENTS = ("translation", "polar", "residual")  # of HDN; the matte network is trained alike
 STEPS_PER_REPORT = 50  # a line of progress
 STEPS_PER_CHECKPOINT = 500  # with a validation
 HELD_OUT_IN_MEMORY = 1_000  # images; 0.3 GB
@@ -76,7 +77,7 @@ def build(
     Raises:
         InputError: the backbone's weights cannot be used.
     """
-    if component == "matte":
+    if component == MATTE:
         matte = MatteNetwork()
         if state is not None:
             matte.load_state_dict(state)

@@ -30,6 +30,7 @@ class MatteTeaching:
     """How the matte network is taught."""
 
     dice: float = 1.0  # weight of the Dice loss against the cross-entropy's
+    hidden: float = 1.5  # what a hidden pixel counts in the cross-entropy against one that is seen: fewer are
     uses: int = 2  # of each pair, which takes about as long to draw as to learn from
 
 
@@ -55,7 +56,8 @@ class MatteObjective:
         with torch.autocast(batch.frame.device.type, torch.bfloat16, enabled=self.half):
             logits = self.network(batch.frame, batch.template, batch.valid)
         logits = logits.float()
-        entropy = F.binary_cross_entropy_with_logits(logits, batch.seen, weight=batch.valid)
+        weight = batch.valid * (1 + (TEACHING.hidden - 1) * (1 - batch.seen))
+        entropy = F.binary_cross_entropy_with_logits(logits, batch.seen, weight=weight)
         found, hidden = ((1 - x) * batch.valid for x in (logits.sigmoid(), batch.seen))
         both = (found * hidden).sum((1, 2, 3))
         either = (found.square() + hidden.square()).sum((1, 2, 3))

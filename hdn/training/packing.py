@@ -11,7 +11,7 @@ from ..networks.config import CONFIGS, PAPER
 from ..networks.conversion import pack_ir
 from ..networks.matte_network import MatteNetwork
 from ..networks.pytorch import Hdn, save
-from ..networks.weights import MATTE_FILE_NAME
+from ..networks.weights import MATTE, MATTE_FILE_NAME
 from .checkpoint import read_checkpoint
 
 
@@ -63,11 +63,11 @@ def pack_matte(checkpoint: Path, path: Path) -> Path:
     Raises:
         InputError: the checkpoint is missing or damaged, or of another component.
     """
-    state = _read(checkpoint, "matte")
+    state = _read(checkpoint, MATTE)
     network = MatteNetwork()
     network.load_state_dict(state["network"])
     path = path / MATTE_FILE_NAME if path.is_dir() else path
-    matte_network.save(network, path, {"matte": _history(state)})
+    matte_network.save(network, path, {MATTE: _history(state)})
     pack_ir(path)
     return path
 
