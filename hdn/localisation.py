@@ -97,7 +97,7 @@ class FrameSearch:
         if best.support < MODEL.sure_support:
             # Where much is hidden, what the visible part leaves open had better follow the motion so far.
             prior, covariance, is_measured = self.expected(proposal)
-            blur = self.likeliest_blur(prior)
+            blur = self.blur
             self.seen = seen = self._target.occlusion.seen(self._frame, prior)
             other = self._aligned(prior, proposal, covariance, blur, seen)
             margin = MODEL.measured_margin if is_measured else MODEL.support_margin
@@ -181,8 +181,9 @@ class FrameSearch:
                 self.prior = prior, covariance
         elif self.carried is not None:
             prior, covariance = self.carried, self._pose.covariance + CARRIED_COVARIANCE
+        self.blur = self.likeliest_blur(prior)
         self.around = self._target.plane_occlusion.seen(self._frame, prior)
-        self.by_map = self._target.plane.align(self._frame.grey, prior, covariance, self.around)
+        self.by_map = self._target.plane.align(self._frame.grey, prior, covariance, self.around, self.blur)
         if self.by_map is not None and self._target.is_plausible(self.by_map.homography):
             prior, covariance = self.by_map.homography, self.by_map.covariance
             is_measured |= self.by_map.agreement > 0.75
@@ -220,7 +221,7 @@ class FrameSearch:
         """
         visible = _cells(proposal.visible)
         if seen is not None and seen.mean() > 0.1:
-            weights = np.clip(MODEL.visibility_gain * seen - 1.4, MODEL.min_visibility, 1)
+            weights = np.clip(MODEL.visibility_gain * seen - 2, MODEL.min_visibility, 1)
             visible = as_cells(seen)
         else:
             seen = None

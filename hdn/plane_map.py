@@ -44,6 +44,7 @@ class PlaneMapModel:
     loss: float = 0.4  # of one in which it did not
 
     # Alignment.
+    min_matched_variance_px2: float = 1.0
     steps: int = 3  # each with the frame rectified anew
     settled_px: float = 0.3
     trusted: float = 0.35  # from which a cell is taken to lie on the plane
@@ -145,18 +146,19 @@ class PlaneMap:
         trust[inner, inner] = visibility
         return trust
 
-    def align(self, frame: Pyramid, start: Array, covariance: Array, seen: Floats) -> MapPose | None:
+    def align(self, frame: Pyramid, start: Array, covariance: Array, seen: Floats, blur: Array) -> MapPose | None:
         """Finds the target's pose in a grey frame by what surrounds it.
 
         Args:
             start: (3, 3) reference frame to this one, the pose that is expected.
             covariance: (8, 8) of it, as `Alignment` tells it.
             seen: (n, n) 0..1, how probably each cell is seen.
+            blur: (2, 2) px^2 of the standard crop, by which the frame is blurrier than the reference frame.
 
         Returns:
             None where too little of the surroundings is known or seen to tell.
         """
-        level, pose = self.level, start
+        level, pose = self._matched(blur), start
         for _ in range(MODEL.steps):
             search = level.rectify(frame, pose)
             known = self._textured & (self.coplanar > MODEL.trusted) & (seen > 0.5) & level.in_frame(frame, pose)
@@ -178,6 +180,11 @@ class PlaneMap:
         if agreement < MODEL.min_agreement:
             return None
         return MapPose(pose, found + BENT_COVARIANCE, agreement)
+
+    def _matched(self, blur: Array) -> Level:
+        if float(np.abs(blur).max()) < MODEL.min_matched_variance_px2:
+            return self.level
+        return self.level.matched(blur)
 
     def picture(self, frame: Image) -> Image:
         """The map as an RGB picture of the reference frame, dim where it is not sure to lie on the plane."""

@@ -178,15 +178,16 @@ class Tracker:
         is_clear = is_found and candidate.support >= SEARCH.sure_support
         if target.is_refined:
             shown = target.plane.look(seen.grey, pose.homography, is_clear)
-            if is_found:
-                agreement = candidate.alignment.agreement
+            agreement = candidate.alignment.agreement if candidate.alignment is not None else None
+            if is_clear:
+                visibility = np.ones((32, 32), np.float32)
                 visibility = _finer(np.where(agreement.textured, agreement.agrees_surely, 1).astype(np.float32), 32)
+            elif agreement is not None and is_found:
+                visibility = _finer((agreement.agrees_surely & agreement.visible).astype(np.float32), 32)
                 if search.seen is not None:
-                    visibility = visibility * np.clip(2 * search.seen - 0.8, 0, 1)
-                elif not is_clear:
-                    visibility = visibility * _finer(candidate.visibility, 32)
+                    visibility = visibility * np.clip(4 * search.seen - 2, 0, 1)
             else:
-                visibility = np.zeros((32, 32), np.float32) if search.seen is None else np.clip(2 * search.seen - 0.8, 0, 1)
+                visibility = np.zeros((32, 32), np.float32)
             pose = replace(pose, visibility=visibility, shown=shown)
             blur = candidate.alignment.blur if is_found and candidate.alignment is not None else pose.blur
         else:

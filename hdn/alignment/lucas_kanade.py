@@ -112,6 +112,10 @@ class Level:
         level = copy.copy(self)
         of_template, level._frame_blur = equalising_blurs(covariance * self._per_standard_pixel**2)
         level._take_template(blurred(self.raw, of_template))
+        # A streak of length l has a variance of l^2 / 12; pixels along it share their errors.
+        apart = np.sqrt(self._pixels_per_error)
+        streaks = np.sqrt(12 * np.abs(np.linalg.eigvalsh(covariance))) * self._per_standard_pixel
+        level._pixels_per_error = float(np.prod(apart + streaks))
         return level
 
     def _take_template(self, raw: Grey) -> None:
