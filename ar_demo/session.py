@@ -88,7 +88,13 @@ class Session(AbstractContextManager["Session"]):
         measured = iter(self._passes(options).track(new) if new else [])
         return [
             changed(
-                surface, quad=None, start=FIRST, region=None, exclude=(), track=smooth(next(measured), options.smooth)
+                surface,
+                quad=None,
+                snap=False,
+                start=FIRST,
+                region=None,
+                exclude=(),
+                track=smooth(next(measured), options.smooth),
             )
             if surface.track is None
             else changed(surface, track=self._corrected(surface, surface.track, options))

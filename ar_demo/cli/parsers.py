@@ -107,6 +107,7 @@ def _add_tracking(parser: Parser, use_of_track: str) -> None:
         metavar="X,Y X,Y X,Y X,Y",
         help="its corners: top-left, top-right, bottom-right, bottom-left of the ad",
     )
+    add("--snap", action="store_true", help="move the corners of the quad to clear edges a few pixels beside it")
     add(
         "--region",
         metavar="X,Y X,Y X,Y ...",

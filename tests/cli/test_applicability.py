@@ -35,6 +35,7 @@ OPTIONS: dict[str, list[str]] = {
     "surface": ["--surface", "b.png", *QUAD],
     "job": ["--job", "job.json"],
     "quad": ["--quad", "20,10", *QUAD[1:]],
+    "snap": ["--snap"],
     "start": ["--start", "1"],
     "region": ["--region", "5,5", "95,5", "50,95"],
     "exclude": ["--exclude", "20,20", "30,20", "30,30"],
@@ -126,7 +127,7 @@ def test_an_option_of_ar_replace_counts_or_is_refused(run: Run, done: list[Any],
 
 
 @pytest.mark.parametrize(
-    "option", ["quad", "start", "region", "exclude", "track", "keyframe", "end", "smooth", "device", "weights"]
+    "option", ["quad", "snap", "start", "region", "exclude", "track", "keyframe", "end", "smooth", "device", "weights"]
 )
 @pytest.mark.parametrize("mode", ["quad", "track", "track to correct"])
 def test_an_option_of_ar_track_counts_or_is_refused(run: Run, done: list[Any], mode: str, option: str) -> None:
