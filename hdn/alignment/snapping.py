@@ -11,10 +11,10 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from ..imaging.arrays import Array, Floats
+from ..imaging.arrays import Array, Image
 from ..imaging.observation import Observation
 from ..imaging.photometry import tukey
-from ..imaging.quads import check_quad, cross, is_convex
+from ..imaging.quads import LIMITS, check_quad, cross, is_convex
 
 
 @dataclass(frozen=True)
@@ -74,25 +74,27 @@ def snap(frame: Observation, quad: Array, model: SnapModel = MODEL) -> Snapped:
     lengths = np.linalg.norm(ends - quad, axis=1)
     unit = max(1.0, max(frame.colour.size) / model.usual_frame_px)
     reach = min(model.reach_px * unit, model.max_share * float(lengths.min()))
-    image = np.asarray(frame.image, np.float32)
     begins, stops = quad.copy(), ends.copy()
     for i, length in enumerate(lengths):
         normal = np.array([-1.0, 1]) * (ends[i] - quad[i])[::-1] / length
-        found = _edge(image, quad[i], ends[i], normal, unit, reach, model)
+        found = _edge(frame.image, quad[i], ends[i], normal, unit, reach, model)
         if found is not None:
             begins[i] += found[0] * normal
             stops[i] += found[1] * normal
     # The corner i is where the side before it meets its own.
     corners = _meetings(np.roll(begins, 1, 0), np.roll(stops, 1, 0), begins, stops)
+    stays = np.isclose(corners, quad, rtol=0, atol=1e-6).all(1)  # but for rounding
+    corners[stays] = quad[stays]
     moved = np.linalg.norm(corners - quad, axis=1)
-    is_inside = ((corners > -0.5) & (corners < np.array(frame.colour.size) - 0.5)).all()
+    beyond = LIMITS.max_outside_px
+    is_inside = ((corners >= -beyond) & (corners <= np.array(frame.colour.size) - 1 + beyond)).all()
     if not is_convex(corners) or not is_inside or moved.max() > model.max_corner_ratio * reach:
         return Snapped(quad, np.zeros(4))
     return Snapped(corners, moved)
 
 
 def _edge(
-    image: Floats, begin: Array, end: Array, normal: Array, unit: float, reach: float, model: SnapModel
+    image: Image, begin: Array, end: Array, normal: Array, unit: float, reach: float, model: SnapModel
 ) -> Array | None:
     """How far, px along the normal, the ends (2,) of a side have to move onto the edge beside it; None for no edge."""
     along = np.linspace(model.end_share, 1 - model.end_share, model.places)
@@ -122,7 +124,7 @@ class _Steps(NamedTuple):
     weight: Array
 
 
-def _steps(image: Floats, at: Array, normal: Array, unit: float, reach: float, model: SnapModel) -> _Steps:
+def _steps(image: Image, at: Array, normal: Array, unit: float, reach: float, model: SnapModel) -> _Steps:
     """The steps across a side at the places (n, 2), px of the image."""
     step = model.step_px * unit
     margin = 3 * model.blur_px * unit
@@ -130,7 +132,7 @@ def _steps(image: Floats, at: Array, normal: Array, unit: float, reach: float, m
     points = at[:, None] + distance[None, :, None] * normal
     x, y = (points[..., k].astype(np.float32) for k in (0, 1))
     profiles = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    smooth = cv2.GaussianBlur(profiles, (0, 0), model.blur_px / model.step_px, sigmaY=1e-3)
+    smooth = cv2.GaussianBlur(profiles.astype(np.float32), (0, 0), model.blur_px / model.step_px, sigmaY=1e-3)
     difference = (smooth[:, 2:] - smooth[:, :-2]) / (2 * model.step_px)
     slope = np.sqrt(np.square(difference).max(2)).astype(np.float64)
     before, here, after = slope[:, :-2], slope[:, 1:-1], slope[:, 2:]

@@ -65,6 +65,12 @@ def bars(*at: int) -> Image:
     return image
 
 
+def test_a_side_at_the_edge_of_the_frame_does_not_keep_the_others() -> None:
+    quad = np.array([[-1.0, 28.5], [199, 28.5], [199, 90], [-1, 90]])
+    snapped = snap(Observation(bars(30, 120)), quad).quad
+    np.testing.assert_allclose(snapped, [[-1, 29.5], [199, 29.5], [199, 90], [-1, 90]], atol=0.05)
+
+
 def test_sides_without_an_edge_stay_where_they_are() -> None:
     quad = np.array([[40.0, 31.6], [160, 28.2], [161, 90], [41, 92]])
     snapped, moved_px = snap(Observation(bars(30, 120)), quad)
