@@ -165,11 +165,11 @@ class _Target:
         if self.started is None:
             if not self.surface.start.reached(frame.index, elapsed):
                 return None
-            assert self.surface.quad is not None
-            self.tracker.init(seen, self.surface.quad, self.surface.tracking_region)
+            quad = self.surface.quad_in(seen)
+            self.tracker.init(seen, quad, self.surface.tracking_region)
             self.started, self._opacity = elapsed, 1.0
             if self.surface.in_scene:
-                self._appearance = Appearance(frame.image, self.surface.quad)
+                self._appearance = Appearance(frame.image, quad)
         if cut:
             self.tracker.lose()
             self._opacity = 0.0

@@ -5,14 +5,18 @@ from collections.abc import Sequence
 from dataclasses import replace as changed
 from pathlib import Path
 
+from hdn.imaging.arrays import Image
+
 from .errors import InputError
+from .media.pictures import check_picture_name, write_picture
+from .media.writer import check_video_name
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, silent
 from .rendering.painting import check_ad
 from .results import Result
 from .session import Session, check_output
 from .surface import Surface
-from .tracking.protocol import MakeTracker
+from .tracking.protocol import MakeTracker, MappingTracker, PlanarTracker, hdn_trackers
 from .tracks import Track
 
 
@@ -68,6 +72,9 @@ def track(
     tracking: TrackingOptions | None = None,
     listen: Listener = silent,
     make_tracker: MakeTracker | None = None,
+    save_map: Path | str | None = None,
+    save_steady: Path | str | None = None,
+    options: OutputOptions | None = None,
 ) -> Track:
     """Tracks a surface through a video; one that has a track is tracked anew next to keyframes that are new to it.
 
@@ -75,14 +82,54 @@ def track(
         surface: with its quad, or a track made earlier.
         tracking: how; `smooth=0` gives the track as it was measured.
         make_tracker: makes the tracker, see `PlanarTracker`; None makes HDN's.
+        save_map: picture to write, of the tracker's map of the plane.
+        save_steady: video to write, in which the surface stands still, see `Session.steady`.
+        options: how that is written, and whether existing files may be replaced.
 
     Raises:
-        InputError: see `Session.track`.
+        InputError: see `Session.track`; a map of a tracker that keeps none, an output that exists.
+        RunError: an output cannot be written.
     """
-    with Session(input, listen, make_tracker) as session:
+    tracking, options = tracking or TrackingOptions(), options or OutputOptions()
+    outputs = [Path(path) for path in (save_map, save_steady) if path is not None]
+    for output in outputs:
+        check_output(output, options, input)
+    mapped = _Mapped(make_tracker, tracking) if save_map is not None else None
+    if save_map is not None:
+        check_picture_name(Path(save_map))
+    if save_steady is not None:
+        check_video_name(Path(save_steady))
+    with Session(input, listen, mapped or make_tracker) as session:
         [tracked] = session.track([surface], tracking)
-    assert tracked.track is not None
+        assert tracked.track is not None
+        if mapped is not None and save_map is not None:
+            write_picture(Path(save_map), mapped.picture())
+        if save_steady is not None:
+            session.steady(tracked.track, save_steady, options)
     return tracked.track
+
+
+class _Mapped:
+    """Makes trackers of one surface, and keeps the first, whose map is that of the plane as the video has it."""
+
+    def __init__(self, make_tracker: MakeTracker | None, tracking: TrackingOptions) -> None:
+        self._make_tracker, self._tracking = make_tracker, tracking
+        self._first: MappingTracker | None = None
+
+    def __call__(self) -> PlanarTracker:
+        self._make_tracker = self._make_tracker or hdn_trackers(self._tracking)
+        tracker = self._make_tracker()
+        if self._first is None:
+            if not isinstance(tracker, MappingTracker):
+                raise InputError("this tracker keeps no map of the plane: leave --save-map out")
+            self._first = tracker
+        return tracker
+
+    def picture(self) -> Image:
+        """The map (h, w, 3) after tracking."""
+        if self._first is None:
+            raise InputError("nothing was tracked, so there is no map: leave --save-map out")
+        return self._first.map_picture()
 
 
 def default_output(input: Path) -> Path:

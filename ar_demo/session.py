@@ -17,6 +17,7 @@ from .media.writer import VideoWriter
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, Stage, silent
 from .rendering.loop import Renderer
+from .rendering.steady import SteadyView
 from .results import Result, total
 from .stopping import StopSignal
 from .surface import FIRST, Surface
@@ -88,7 +89,13 @@ class Session(AbstractContextManager["Session"]):
         measured = iter(self._passes(options).track(new) if new else [])
         return [
             changed(
-                surface, quad=None, start=FIRST, region=None, exclude=(), track=smooth(next(measured), options.smooth)
+                surface,
+                quad=None,
+                snap=False,
+                start=FIRST,
+                region=None,
+                exclude=(),
+                track=smooth(next(measured), options.smooth),
             )
             if surface.track is None
             else changed(surface, track=self._corrected(surface, surface.track, options))
@@ -160,6 +167,40 @@ class Session(AbstractContextManager["Session"]):
             list(dict.fromkeys([*warnings, *audio.warnings])),
             [{"ad": s.name, "states": track.counts} for s, track in zip(surfaces, tracks, strict=True)],
         )
+
+    def steady(self, track: Track, output: Path | str, options: OutputOptions | None = None) -> None:
+        """Writes the video with the surface standing still, as in the reference frame; see `SteadyView`.
+
+        Raises:
+            InputError: a track of another video, an output that exists, unknown codec.
+            RunError: the output cannot be written.
+            Stopped: see `stop`.
+        """
+        options, output = options or OutputOptions(), Path(output)
+        check_output(output, options, self.reader.path)
+        check_belongs_to(track, self.reader)
+        self._numbered_rightly(lambda: self._steady(track, output, options))
+
+    def _steady(self, track: Track, output: Path, options: OutputOptions) -> None:
+        view, info = SteadyView(track), self.reader.info
+        show = Stage(self.listen, "steady view", 0, len(track))
+        with (
+            VideoWriter(
+                output,
+                view.width,
+                view.height,
+                info.rate,
+                codec=options.codec,
+                crf=options.crf,
+                time_base=info.time_base,
+                pixel_aspect=info.pixel_aspect,
+            ) as writer,
+            ahead(self.reader.frames(0, len(track))) as frames,
+        ):
+            for frame in self._stop.watch(frames):
+                picture = view.of(frame.image, frame.index)
+                writer.write(picture, frame.time, frame.duration)
+                show((track.states[frame.index],), picture)
 
     def _corrected(self, surface: Surface, track: Track, options: TrackingOptions) -> Track:
         if not needs_correction(track, surface.keyframes):

@@ -1,5 +1,6 @@
 """A surface of a video: where it is, and what is laid on it and how."""
 
+import logging
 import re
 from dataclasses import dataclass, field, fields
 from fractions import Fraction
@@ -8,12 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from hdn import Observation
+from hdn.alignment.snapping import snap
 from hdn.imaging.arrays import Array
 from hdn.imaging.regions import Region
 
 from .choices import CHOICES, Blend, Effect, Fit, Lost, Playback
 from .errors import InputError
 from .tracks import Track
+
+log = logging.getLogger(__name__)
 
 # What an effect that is made from the surface itself has no use for.
 ADS_ALONE = ("ad", "fit", "playback", "flat")
@@ -136,6 +141,7 @@ class Surface:
         ad: video, image or animated image; None with an effect that is made from the surface itself.
         quad: (4, 2) the surface's corners in the reference frame, px; top-left, top-right, bottom-right, bottom-left of
             the ad as it shall appear. Not needed where there is a track.
+        snap: whether the quad, given by hand, moves to the clear edges beside it; keyframes stay as they are given.
         start: the reference frame; tracking runs forward and backward from it.
         region: polygon (n, 2) of the reference frame, px, of what is tracked: around the quad where more of its plane
             is seen, or smaller. None leaves that to the tracker.
@@ -158,6 +164,7 @@ class Surface:
 
     ad: Path | str | None = None
     quad: Array | None = None
+    snap: bool = False
     start: Moment = FIRST
     region: Array | None = None
     exclude: tuple[Array, ...] = ()
@@ -177,6 +184,23 @@ class Surface:
         """Whether the ad takes on the scene's light, blur and occluders."""
         return self.effect == "replace" and not self.flat
 
+    def quad_in(self, frame: Observation) -> Array:
+        """The quad (4, 2), px, in the reference frame: as given, or snapped to edges, of which the log tells.
+
+        Raises:
+            InputError: it has to be snapped, and is impossible.
+        """
+        assert self.quad is not None
+        quad = np.asarray(self.quad, np.float64)
+        if not self.snap:
+            return quad
+        snapped, moved = snap(frame, quad)
+        if moved.any():
+            log.info("--snap moved the corners by %s px", ", ".join(f"{px:.1f}" for px in moved))
+        else:
+            log.info("--snap left the corners where they are: there are no clear edges beside the quad")
+        return snapped
+
     @property
     def tracking_region(self) -> Region:
         """Where tracking may look."""
@@ -192,15 +216,16 @@ class Surface:
         if not 0 <= self.opacity <= 1:
             raise InputError(f"opacity {self.opacity} is out of range: give 0 to 1")
         check_not_negative("feather", self.feather)
-        if not isinstance(self.flat, bool):
-            raise InputError(f"flat '{self.flat}' is neither true nor false: give one of these")
+        for name in ("flat", "snap"):
+            if not isinstance(getattr(self, name), bool):
+                raise InputError(f"{name} '{getattr(self, name)}' is neither true nor false: give one of these")
         Region(self.region, self.exclude)
         if self.effect != "replace":
             for name in ADS_ALONE:
                 if getattr(self, name) != _DEFAULTS[name]:
                     raise InputError(f"{name} does nothing with effect {self.effect}, which needs no ad: leave it out")
         if self.track is not None:
-            for name in ("quad", "start", "region", "exclude"):
+            for name in ("quad", "snap", "start", "region", "exclude"):
                 if getattr(self, name) is not _DEFAULTS[name]:
                     raise InputError(f"{name} does nothing beside a track, which has its own: leave one of them out")
 

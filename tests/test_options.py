@@ -70,6 +70,7 @@ def test_refuses_other_keyframes(text: str) -> None:
         (Surface, {"opacity": 1.5}),
         (Surface, {"feather": -1}),
         (Surface, {"flat": "yes"}),
+        (Surface, {"snap": 2}),
         (TrackingOptions, {"smooth": float("nan")}),
         (TrackingOptions, {"device": "tpu"}),
         (OutputOptions, {"crf": 99}),

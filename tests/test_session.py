@@ -23,7 +23,7 @@ from hdn.imaging.homography import transform
 from hdn.imaging.regions import EVERYWHERE, Region
 
 from .clips import make_clip
-from .scenes import Scene, path, texture
+from .scenes import Scene, error, path, texture
 
 FRAMES = 16
 OPENCV = OutputOptions(backend="opencv")
@@ -225,3 +225,15 @@ def test_warnings_say_which_of_several_surfaces_they_are_of(clip: Path, ad: Path
         one = session.render(surfaces[1:], tmp_path / "one.mp4", OPENCV).warnings
     assert both == ["damaged", "hidden", "surface 1: blurred", "surface 2: far off"]
     assert one == ["damaged", "hidden", "far off"]
+
+
+def test_a_snapped_quad_is_that_of_the_track(clip: Path, caplog: pytest.LogCaptureFixture) -> None:
+    given = Scene().quad + np.array([[1.5, 1], [-1, 1.5], [-1.5, 1], [1, -1]])
+    surface = Surface(effect="blur", quad=given, snap=True)
+    with Session(clip, make_tracker=Still) as session, caplog.at_level("INFO"):
+        [tracked] = session.track([surface])
+    assert tracked.track is not None
+    assert error(tracked.track.quad, Scene().quad) < 0.6 < error(given, Scene().quad)
+    np.testing.assert_allclose(tracked.track.corners[0], tracked.track.quad, atol=1e-3)
+    moved = np.linalg.norm(tracked.track.quad - given, axis=1)
+    assert f"--snap moved the corners by {', '.join(f'{px:.1f}' for px in moved)} px" in caplog.messages

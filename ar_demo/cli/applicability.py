@@ -36,7 +36,7 @@ RULES = (
     ),
     Rule(("ad", "quad", "track", "keyframe"), "--surface", _has("surface"), "it has an ad and corners of its own"),
     Rule(("region", "exclude"), "--surface", _has("surface"), "each surface has its own: give them in a job file"),
-    Rule(("quad", "start", "end", "region", "exclude"), "--track", _has("track"), "the track has its own"),
+    Rule(("quad", "snap", "start", "end", "region", "exclude"), "--track", _has("track"), "the track has its own"),
     Rule(("track", "keyframe"), "--live", _has("live"), "frames are seen once, as they come"),
     Rule(("save_track",), "--live", _has("live"), "live tracks are not kept"),
     Rule(("smooth",), "--live", _has("live"), "a 1 euro filter takes its place"),

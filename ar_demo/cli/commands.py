@@ -58,9 +58,13 @@ def track_command(given: Namespace) -> int:
     [surface] = _surfaces(given, None)
     _check_tracked(given, [surface])
     output = given.output if "output" in given else given.input.with_name(f"{given.input.stem}.track.json")
-    check_output(output, OutputOptions(overwrite="overwrite" in given), given.input)
+    options = OutputOptions(**_of(OutputOptions, given))
+    check_output(output, options, given.input)
+    pictures = {name: getattr(given, name) for name in ("save_map", "save_steady") if name in given}
+    _check_different([output, *pictures.values()])
     with Bar("quiet" in given) as bar:
-        result = track(given.input, surface, TrackingOptions(**_of(TrackingOptions, given)), bar)
+        tracking = TrackingOptions(**_of(TrackingOptions, given))
+        result = track(given.input, surface, tracking, bar, options=options, **pictures)
     result.save(output)
     if "json" in given:
         summary = {"output": str(output), "frames": len(result), "states": result.counts, "warnings": result.warnings}
@@ -122,9 +126,15 @@ def _surfaces(given: Namespace, job: Job | None) -> list[Surface]:
 def _check_tracked(given: Namespace, surfaces: list[Surface]) -> None:
     """Raises InputError for options of tracking where nothing is to be tracked."""
     if all(s.track is not None and not needs_correction(s.track, s.keyframes) for s in surfaces):
-        for name in ("smooth", "device", "weights"):
+        for name in ("smooth", "device", "weights", "save_map"):
             if name in given:
                 raise InputError(f"{flag(name)} does nothing, for the track is complete: leave it out")
+
+
+def _check_different(outputs: list[Path]) -> None:
+    """Raises InputError where two of the outputs are one file."""
+    if len({path.resolve() for path in outputs}) < len(outputs):
+        raise InputError("two outputs have the same name: give each its own")
 
 
 def _either(name: str, given: Namespace, in_job: Any) -> Any:

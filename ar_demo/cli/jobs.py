@@ -49,6 +49,7 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
 
     ad: str | UnsetType | None = UNSET
     quad: Corners | UnsetType = UNSET
+    snap: bool | UnsetType = UNSET
     start: When | UnsetType = UNSET
     region: Corners | UnsetType = UNSET
     exclude: list[Corners] | UnsetType = UNSET

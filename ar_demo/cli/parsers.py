@@ -89,6 +89,9 @@ def track_parser() -> Parser:
     parser = _parser("ar-track", "Track a planar surface of a video and write the track as JSON.", STATUSES)
     parser.add_argument("input", type=Path, help="the video")
     parser.add_argument("-o", "--output", type=Path, help="track file to write (default: INPUT.track.json)")
+    add = parser.add_argument
+    add("--save-map", type=Path, metavar="PNG", help="also write a picture of the plane, put together from the video")
+    add("--save-steady", type=Path, metavar="MP4", help="also write a video in which the surface stands still")
     _add_tracking(parser, "correct this track: track anew only next to keyframes that are new to it")
     _add_common(parser)
     return parser
@@ -107,6 +110,7 @@ def _add_tracking(parser: Parser, use_of_track: str) -> None:
         metavar="X,Y X,Y X,Y X,Y",
         help="its corners: top-left, top-right, bottom-right, bottom-left of the ad",
     )
+    add("--snap", action="store_true", help="move the corners of the quad to clear edges a few pixels beside it")
     add(
         "--region",
         metavar="X,Y X,Y X,Y ...",

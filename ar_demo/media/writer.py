@@ -48,6 +48,12 @@ _DEEP_CODECS = ("libx264", "libx265", "libsvtav1", "libvpx-vp9", "prores_ks", "f
 _AVCOL_RGB, _AVCOL_BT709 = 0, 1  # H.273's numbers; BT.709 is 1 as matrix, primaries and transfer alike
 
 
+def check_video_name(path: Path) -> None:
+    """Raises InputError for a name whose ending is not that of a container that we write."""
+    if path.suffix.lower() not in CONTAINERS:
+        raise InputError(f"{path}: output must end in one of {', '.join(CONTAINERS)}")
+
+
 class VideoWriter:
     """Writes RGB frames to a video file, which appears under its name only once it is complete.
 
@@ -92,8 +98,7 @@ class VideoWriter:
             RunError: the file cannot be begun.
         """
         self.path = Path(path)
-        if self.path.suffix.lower() not in CONTAINERS:
-            raise InputError(f"{self.path}: output must end in one of {', '.join(CONTAINERS)}")
+        check_video_name(self.path)
         if not self.path.parent.is_dir():
             raise InputError(f"folder {self.path.parent} of the output does not exist: create it first")
         muxer, default_codec = CONTAINERS[self.path.suffix.lower()]

@@ -151,11 +151,11 @@ class Passes:
         return track, anew
 
     def _targets(self, surfaces: Sequence[Surface]) -> list[Target]:
-        quads = [np.asarray(surface.quad, np.float64) for surface in surfaces]
         found = starts(self.reader, surfaces, self.options.end, self.stop)
         seen = {start: self._observation(start) for start in set(found)}
         targets = []
-        for surface, quad, start in zip(surfaces, quads, found, strict=True):
+        for surface, start in zip(surfaces, found, strict=True):
+            quad = surface.quad_in(seen[start])
             keyframes = keyframes_of(surface.keyframes, quad, start, self.reader.times)
             tracker = self.make_tracker()
             tracker.init(seen[start], quad, surface.tracking_region)

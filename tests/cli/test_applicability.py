@@ -35,6 +35,7 @@ OPTIONS: dict[str, list[str]] = {
     "surface": ["--surface", "b.png", *QUAD],
     "job": ["--job", "job.json"],
     "quad": ["--quad", "20,10", *QUAD[1:]],
+    "snap": ["--snap"],
     "start": ["--start", "1"],
     "region": ["--region", "5,5", "95,5", "50,95"],
     "exclude": ["--exclude", "20,20", "30,20", "30,30"],
@@ -58,6 +59,11 @@ OPTIONS: dict[str, list[str]] = {
     "codec": ["--codec", "libx265"],
     "depth": ["--depth", "source"],
     "overwrite": ["--overwrite"],
+}
+OF_BOTH = ("quad", "snap", "start", "region", "exclude", "track", "keyframe", "end", "smooth", "device", "weights")
+OPTIONS_OF_TRACK = {name: OPTIONS[name] for name in OF_BOTH} | {
+    "save_map": ["--save-map", "map.png"],
+    "save_steady": ["--save-steady", "steady.mp4"],
 }
 # What is said about the work, and not what is done.
 REPORTING = {"help", "version", "strict", "quiet", "json", "input"}
@@ -85,8 +91,8 @@ def done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
             asked.append((*self.asked, "-" if isinstance(output, io.BytesIO) else output, tracking, options))
             return Result(Path("o.mp4"), 1, {}, 1.0, "", surfaces=[{}])
 
-    def track(input: Any, surface: Any, tracking: Any, bar: Any) -> Any:
-        asked.append(("track", input, surfaces(surface), tracking))
+    def track(input: Any, surface: Any, tracking: Any, bar: Any, **others: Any) -> Any:
+        asked.append(("track", input, surfaces(surface), tracking, others))
         return Track.load("t.json")
 
     for name, stand_in in (("replace", replace), ("LiveSession", Live), ("track", track)):
@@ -103,6 +109,8 @@ def done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 def test_all_options_are_tried() -> None:
     assert {action.dest for action in replace_parser()._actions} == REPORTING | OPTIONS.keys()
+    alike = {"output", "overwrite"}  # the track file's; tried with the command lines
+    assert {action.dest for action in track_parser()._actions} == REPORTING | OPTIONS_OF_TRACK.keys() | alike
 
 
 @pytest.mark.parametrize("option", OPTIONS)
@@ -125,16 +133,15 @@ def test_an_option_of_ar_replace_counts_or_is_refused(run: Run, done: list[Any],
         assert before != after, f"{option} made no difference"
 
 
-@pytest.mark.parametrize(
-    "option", ["quad", "start", "region", "exclude", "track", "keyframe", "end", "smooth", "device", "weights"]
-)
+@pytest.mark.parametrize("option", OPTIONS_OF_TRACK)
 @pytest.mark.parametrize("mode", ["quad", "track", "track to correct"])
 def test_an_option_of_ar_track_counts_or_is_refused(run: Run, done: list[Any], mode: str, option: str) -> None:
     usual = [a for a in MODES[mode] if a != "ad.png"]
-    if OPTIONS[option][0] in usual:
+    arguments = OPTIONS_OF_TRACK[option]
+    if arguments[0] in usual:
         return
     run(*usual, "--overwrite", main=entry.track_main)
-    code, _, err = run(*usual, *OPTIONS[option], "--overwrite", main=entry.track_main)
+    code, _, err = run(*usual, *arguments, "--overwrite", main=entry.track_main)
     if code == 2:
         assert err.count("\n") == 1
     else:
@@ -232,6 +239,13 @@ def test_the_command_line_counts_before_the_job(run: Run, done: list[Any]) -> No
     assert (str(input), str(output), tracking.smooth, options.crf, options.audio) == ("a.mp4", "b.mp4", 3, 20, "none")
     assert (str(other_input), str(other_output), other_tracking.smooth) == ("in.mp4", "c.mp4", 0)
     assert (others.crf, others.audio) == (25, "none")
+
+
+def test_outputs_have_different_names(run: Run, done: list[Any]) -> None:
+    given = ["in.mp4", "--quad", *QUAD, "-o", "x.png", "--save-map", "./x.png"]
+    code, _, err = run(*given, main=entry.track_main)
+    assert (code, done) == (2, [])
+    assert "two outputs have the same name" in err
 
 
 @pytest.mark.parametrize("quiet", [(), ("--quiet",)])

@@ -31,7 +31,9 @@ def test_a_whole_job(tmp_path: Path) -> None:
             save_track="t.json",
             tracking={"end": "2s", "smooth": 2, "weights": "w.safetensors"},
             rendering={"audio": "mix", "crf": 20, "overwrite": True},
-            surfaces=[{"ad": "a.png", "quad": QUAD, "blend": "screen", "keyframes": [corrected], **region}],
+            surfaces=[
+                {"ad": "a.png", "quad": QUAD, "blend": "screen", "keyframes": [corrected], "snap": True, **region}
+            ],
         )
     )
     assert (job.input, job.output, job.save_track) == (tmp_path / "in.mp4", tmp_path / "out/o.mp4", tmp_path / "t.json")
@@ -41,6 +43,7 @@ def test_a_whole_job(tmp_path: Path) -> None:
     assert (surface.ad, surface.blend, surface.lost) == (tmp_path / "a.png", "screen", "hide")
     assert surface.keyframes[0].at == Moment.parse("1s")
     np.testing.assert_array_equal(surface.quad, [[0, 0], [90, 0], [90, 90], [0, 90]])
+    assert surface.snap
     np.testing.assert_array_equal(surface.region, [[0, 0], [99, 0], [50, 99]])
     np.testing.assert_array_equal(surface.exclude[1], [[1, 2], [3, 4], [5, 1]])
 
