@@ -13,13 +13,13 @@ import numpy as np
 from .alignment.agreement import CELLS
 from .alignment.refinement import NO_BLUR, START_COVARIANCE, Alignment, as_cells
 from .evidence import THRESHOLDS, Evidence, is_fix
-from .imaging.arrays import Array, Floats
-from .imaging.homography import normalised, transform
+from .imaging.arrays import Array, Floats, Mask
+from .imaging.homography import normalised
 from .imaging.observation import Observation
-from .plane_motion import plane_motion
+from .plane.motion import Step, plane_step
+from .plane.plane_map import MapPose
 from .proposal import Proposal
-from .surroundings import surrounding_motion
-from .target import CARRIED_COVARIANCE, Pose, Target
+from .target import DRIFT_COVARIANCE, PARTS, Pose, Target
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class SearchModel:
     """Constants of the search in one frame."""
 
     sure_support: float = 0.85  # from which no other start is tried
-    forgetting: float = 1.6
-    measured_margin: float = 0.2
     support_margin: float = 0.02  # by which the candidate of an expected pose may fall short of HDN's and be taken
+    measured_margin: float = 0.2  # the same of a pose that the plane's motion or its map measured
+    measured_agreement: float = 0.75  # of such a measurement, from which it counts as one
     keypoint_interval: int = 2  # a lost target is looked for by keypoints once in so many frames, else by HDN
 
     # A cell's weight in the refinement, by the share of it that the residual network sees: gain * share - offset, which
@@ -37,11 +37,12 @@ class SearchModel:
     visibility_gain: float = 4.0
     visibility_offset: float = 0.6
     min_visibility: float = 0.01
+    # The same by the matte network, which tells more finely and surely: nothing below 0.5, all above 0.75.
+    matte_offset: float = 2.0
+    min_matte: float = 0.1  # share of the target that it sees, below which it tells nothing: the pose may be wrong
 
-    # How far a target's step may differ from that of its surroundings for it to be taken as fixed among them: mean over
-    # the corners, px, or as a share of the step's length, whichever is more.
-    attached_px: float = 1.5
-    attached_ratio: float = 0.15
+    # Of what the frame's likeness to the template lacks to 1, that may be left for a blur to be believed.
+    max_lack_left: float = 0.85
 
 
 MODEL = SearchModel()
@@ -70,43 +71,60 @@ class Candidate(NamedTuple):
         return self.evidence.support
 
 
-class FrameSearch:
-    """The search for a target in one frame, from its last pose.
+class Expectation(NamedTuple):
+    """Where a target is to be expected in a frame without a look at the target itself.
 
     Attributes:
-        is_attached: whether the target moves as its surroundings do; None while there was no need to measure that.
+        homography: (3, 3) reference frame to this one.
+        covariance: (8, 8) of it, as `Alignment` tells it.
+        is_measured: whether the plane's motion or its map was seen surely.
+        by_map: where the surroundings have it; None where they do not tell.
+        blur: (2, 2) px^2 of the standard crop, by which the frame is likely to be blurrier than the template.
     """
+
+    homography: Array
+    covariance: Array
+    is_measured: bool
+    by_map: MapPose | None
+    blur: Array
+
+
+class FrameSearch:
+    """The search for a target in one frame, from its last pose."""
 
     def __init__(self, target: Target, pose: Pose, frame: Observation) -> None:
         self._target, self._pose, self._frame = target, pose, frame
-        self.is_attached = pose.is_attached
-        self.by_map = None
-        self.prior = None
-        self.seen = None
+        self._proposal: Proposal | None = None
+        self.is_hard = False  # whether the target was not found just like that, so that its plane was looked at
 
-    def nearby(self) -> Candidate:
-        """The best candidate about the last pose: HDN's stages, refined; where little supports that, expected poses."""
-        proposal = self._propose(self._pose.homography)
+    def nearby(self, is_lost: bool) -> Candidate:
+        """The best candidate about the last pose: HDN's stages, refined; where little supports that, expected poses.
+
+        Args:
+            is_lost: whether the last pose says little: nothing is to be expected then.
+        """
+        proposal = self._proposal = self._propose(self._pose.homography)
         if not self._target.is_refined:
             return _unrefined(proposal)
         best = self._aligned(proposal.homography, proposal)
+        if best.support >= MODEL.sure_support:
+            return best
+        self.is_hard = True
+        if not is_lost:
+            # Where much is hidden, what the visible part leaves open had better follow its plane.
+            expected = self.expectation
+            candidate = self._aligned(expected.homography, proposal, expected.covariance, expected.blur, self.seen)
+            margin = MODEL.measured_margin if expected.is_measured else MODEL.support_margin
+            if candidate.support > best.support - margin:
+                return candidate
         if best.support < THRESHOLDS.fix_support and proposal.score >= THRESHOLDS.trusted_score:
             # A large motion is found in two goes: the second starts where the first came to.
             again = self._propose(proposal.homography)
             best = max(best, self._aligned(again.homography, again), key=lambda candidate: candidate.support)
-        if best.support < MODEL.sure_support:
-            # Where much is hidden, what the visible part leaves open had better follow the motion so far.
-            prior, covariance, is_measured = self.expected(proposal)
-            blur = self.blur
-            self.seen = seen = self._target.occlusion.seen(self._frame, prior)
-            other = self._aligned(prior, proposal, covariance, blur, seen)
-            margin = MODEL.measured_margin if is_measured else MODEL.support_margin
-            if other.support > best.support - margin:
-                return other
-            for start in (self._predicted, self._pose.homography):
-                other = self._aligned(start, proposal, START_COVARIANCE, blur)
-                if other.support > best.support - MODEL.support_margin:
-                    return other
+        for start in () if is_lost else (self._pose.predicted, self._pose.homography):
+            candidate = self._aligned(start, proposal, blur=self.expectation.blur)
+            if candidate.support > best.support - MODEL.support_margin:
+                return candidate
         return best
 
     def anywhere(self) -> Candidate:
@@ -135,99 +153,84 @@ class FrameSearch:
         return candidate._replace(homography=found.homography, covariance=found.covariance, alignment=found)
 
     @cached_property
-    def carried(self) -> Array | None:
-        """The last pose (3, 3), moved as its surroundings have since.
-
-        None where the target did not move as they did while it was seen, or where they cannot be followed.
-        """
-        if self.is_attached is None:
-            self.is_attached = self._moved_with_surroundings()
-        if not self.is_attached or not self._pose.frames:
+    def step(self) -> Step | None:
+        """The plane's motion from the frame before to this one; None where it cannot be measured."""
+        target, pose = self._target, self._pose
+        if pose.frame is None or pose.seen is None or pose.seen_around is None:
             return None
-        corners = self._target.corners(self._pose.homography)
-        step = surrounding_motion(self._pose.frames[0], self._frame.grey, corners)
-        if step is None:
-            return None
-        carried = normalised(step @ self._pose.homography)
-        return carried if self._target.is_plausible(carried) else None
-
-    def _moved_with_surroundings(self) -> bool:
-        """Whether the target's last step, between the last two frames, was that of what surrounds it."""
-        if len(self._pose.frames) < 2:
-            return False
-        last, before = self._pose.frames
-        corners, corners_before = (self._target.corners(h) for h in (self._pose.homography, self._pose.previous))
-        step = surrounding_motion(before, last, corners_before)
-        if step is None:
-            return False
-        difference = np.linalg.norm(transform(step, corners_before) - corners, axis=1).mean()
-        length = np.linalg.norm(corners - corners_before, axis=1).mean()
-        return bool(difference < max(MODEL.attached_px, MODEL.attached_ratio * length))
+        trust = target.plane.trust(pose.seen_around, pose.seen)
+        back = np.linalg.inv(pose.homography)
+        starts = [pose.predicted, pose.homography] + ([self._proposal.homography] if self._proposal else [])
+        motions = (normalised(start @ back) for start in starts)
+        corners = target.corners(pose.homography)
+        return plane_step(target.plane, pose.frame, self._frame.grey, corners, trust, motions)
 
     @property
-    def _predicted(self):
-        last = self._pose.homography
-        return normalised(last @ np.linalg.inv(self._pose.previous) @ last)
+    def carried(self) -> Array:
+        """The last pose (3, 3), moved by the step; there has to be one."""
+        assert self.step is not None
+        return normalised(self.step.homography @ self._pose.homography)
 
-    def expected(self, proposal: Proposal):
-        """The pose (3, 3) to be expected without a look at the target, its covariance (8, 8), and whether it was measured."""
-        last = self._pose.homography
-        prior, covariance, is_measured = self._predicted, START_COVARIANCE, False
-        step = self.step(proposal)
-        if step is not None:
-            carried = normalised(step.homography @ last)
-            if self._target.is_plausible(carried):
-                prior, covariance, is_measured = carried, self._pose.covariance * (MODEL.forgetting if self._pose.missed == 0 else 1) + step.covariance, step.agreement > 0.75
-                self.prior = prior, covariance
-        elif self.carried is not None:
-            prior, covariance = self.carried, self._pose.covariance + CARRIED_COVARIANCE
-        self.blur = self.likeliest_blur(prior)
-        self.around = self._target.plane_occlusion.seen(self._frame, prior)
-        self.by_map = self._target.plane.align(self._frame.grey, prior, covariance, self.around, self.blur)
-        if self.by_map is not None and self._target.is_plausible(self.by_map.homography):
-            prior, covariance = self.by_map.homography, self.by_map.covariance
-            is_measured |= self.by_map.agreement > 0.75
-            self.prior = prior, covariance
-        return prior, covariance, is_measured
+    @cached_property
+    def expectation(self) -> Expectation:
+        """Where the target is to be expected by its plane: by the motion of what was seen of it, then by its map."""
+        target, pose = self._target, self._pose
+        homography, covariance, is_measured = pose.predicted, START_COVARIANCE, False
+        if self.step is not None and target.is_plausible(self.carried):
+            homography, covariance = self.carried, pose.prior_covariance + self.step.covariance
+            is_measured = self.step.agreement > MODEL.measured_agreement
+        elif pose.missed:
+            homography, covariance = pose.homography, pose.covariance + DRIFT_COVARIANCE
+        blur = self._likeliest_blur(homography)
+        around = target.occlusion_around.seen(self._frame, homography)
+        found = target.plane.align(self._frame.grey, homography, covariance, around, blur)
+        if found is not None and target.is_plausible(found.homography):
+            is_measured |= found.agreement > MODEL.measured_agreement
+            return Expectation(found.homography, found.covariance, is_measured, found, blur)
+        return Expectation(homography, covariance, is_measured, None, blur)
 
-    def likeliest_blur(self, pose):
-        refiner = self._target.refiner
-        guesses = [np.zeros((2, 2)), self._pose.blur, refiner.spectral_blur(self._frame, pose)]
-        return max(guesses, key=lambda blur: refiner.likeness(self._frame, pose, self._pose.visibility, blur))
+    @cached_property
+    def seen(self) -> Floats:
+        """How probably each part (PARTS, PARTS) of the target is seen, at the pose that is expected."""
+        return self._target.occlusion.seen(self._frame, self.expectation.homography)
 
-    def step(self, proposal):
-        if not self._pose.frames:
-            return None
-        last = self._pose.homography
-        inverse = np.linalg.inv(last)
-        predicted = normalised(last @ np.linalg.inv(self._pose.previous) @ last)
-        starts = [normalised(p @ inverse) for p in (predicted, last, proposal.homography)]
-        plane = self._target.plane
-        return plane_motion(
-            self._pose.frames[0], self._frame.grey, self._target.corners(last), plane.lengths,
-            plane.trust(self._pose.shown, self._pose.visibility), plane.margin, self._target.refiner.standard_side, starts, START_COVARIANCE,
-        )
+    def _likeliest_blur(self, homography: Array) -> Array:
+        """The blur (2, 2) by which the frame is likest to the template at a pose (3, 3): the last one's, or its own."""
+        refiner, seen = self._target.refiner, self._pose.seen
+        visibility = np.ones((CELLS, CELLS), np.float32) if seen is None else as_cells(seen)
+
+        def lack(blur: Array) -> float:
+            return 1 - refiner.likeness(self._frame, homography, visibility, blur)
+
+        best = min((self._pose.blur, refiner.spectral_blur(self._frame, homography)), key=lack)
+        return best if lack(best) < MODEL.max_lack_left * lack(NO_BLUR) else NO_BLUR
 
     def _propose(self, start: Array) -> Proposal:
         return self._target.proposer.propose(self._frame.colour, start)
 
-    def _aligned(self, start: Array, proposal: Proposal, covariance: Array = START_COVARIANCE, blur=NO_BLUR, seen=None) -> Candidate:
+    def _aligned(
+        self,
+        start: Array,
+        proposal: Proposal,
+        covariance: Array = START_COVARIANCE,
+        blur: Array = NO_BLUR,
+        seen: Floats | None = None,
+    ) -> Candidate:
         """Photometric alignment from a start, judged together with what a proposal says of the frame.
 
         Args:
             start: (3, 3) the pose that is expected.
             proposal: HDN's, for its scores and for what is visible.
             covariance: (8, 8) of the start.
+            blur: (2, 2) px^2 of the standard crop, by which the frame is expected to be blurrier than the template.
+            seen: (PARTS, PARTS) what the matte network sees; None, or too little, leaves that to HDN.
         """
-        visible = _cells(proposal.visible)
-        if seen is not None and seen.mean() > 0.1:
-            weights = np.clip(MODEL.visibility_gain * seen - 2, MODEL.min_visibility, 1)
-            visible = as_cells(seen)
-        else:
-            seen = None
-            weights = np.clip(MODEL.visibility_gain * visible - MODEL.visibility_offset, MODEL.min_visibility, 1)
+        parts, offset = _cells(proposal.visible), MODEL.visibility_offset
+        if seen is not None and seen.mean() > MODEL.min_matte:
+            parts, offset = seen, MODEL.matte_offset
+        weights = np.clip(MODEL.visibility_gain * parts - offset, MODEL.min_visibility, 1)
         found = self._target.refiner.align_roughly(self._frame, start, weights, covariance, blur)
-        agreement = found.agreement
+        agreement, visible = found.agreement, as_cells(parts)
         evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, float(visible.mean()))
         if not self._target.is_plausible(found.homography):
             return Candidate(start, evidence, np.zeros((CELLS, CELLS), np.float32))
@@ -235,6 +238,22 @@ class FrameSearch:
         # Where there is no texture to compare, the network's word for it.
         visibility = np.where(agreement.textured, agreement.agrees, visible).astype(np.float32) * agreement.in_frame
         return Candidate(found.homography, evidence, visibility, found.covariance, found)
+
+    def shown_parts(self, candidate: Candidate | None) -> Floats:
+        """Which parts (PARTS, PARTS) of the target, 0..1, the frame is known to show where it was found.
+
+        Args:
+            candidate: what was found; None where the target was not.
+        """
+        if candidate is None or candidate.alignment is None:
+            return np.zeros((PARTS, PARTS), np.float32)
+        agreement = candidate.alignment.agreement
+        agrees = agreement.agrees_surely & agreement.textured
+        if not self.is_hard:
+            return _parts(agrees | ~agreement.textured)
+        return _parts(agrees & agreement.in_frame) * np.clip(
+            MODEL.visibility_gain * self.seen - MODEL.matte_offset, 0, 1
+        )
 
 
 def _unrefined(proposal: Proposal) -> Candidate:
@@ -249,3 +268,8 @@ def _unrefined(proposal: Proposal) -> Candidate:
 def _cells(visible: Floats) -> Floats:
     """A map (m, m) of the target, of any resolution, as (8, 8)."""
     return np.asarray(cv2.resize(visible, (CELLS, CELLS), interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _parts(cells: Mask) -> Floats:
+    """Cells (8, 8) of the target, true or false, as parts (PARTS, PARTS)."""
+    return np.repeat(np.repeat(cells.astype(np.float32), PARTS // CELLS, 0), PARTS // CELLS, 1)

@@ -5,18 +5,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .alignment.agreement import CELLS
-from .alignment.refinement import Refiner
-from .imaging.arrays import Array, Floats
+from .alignment.refinement import NO_BLUR, Refiner
+from .imaging.arrays import Array, Floats, Mask
 from .imaging.homography import normalised, transform
 from .imaging.observation import Observation
 from .imaging.pyramid import Pyramid
-from .imaging.quads import area, is_convex, outline, side
+from .imaging.quads import area, is_convex, side
 from .imaging.regions import EVERYWHERE, Region
 from .networks.engine import Engine
-from .occlusion import Occlusion
-from .plane_map import PlaneMap
+from .plane.occlusion import Occlusion
+from .plane.plane_map import PlaneMap
 from .proposal import Proposer, Stage
 from .redetection import Redetector
+
+PARTS = 4 * CELLS  # along either side of a target, that are told to be seen or hidden
 
 
 @dataclass(frozen=True)
@@ -26,17 +28,29 @@ class PoseModel:
     min_magnification: float = 0.01  # area of a target in a frame, to that in the reference frame
     max_magnification: float = 50.0
     # Standard deviation of the corners up to which a pose counts as known: px, or as a share of the target's size,
-    # whichever is more. With what `evidence.is_shown` asks for, it drops one good pose in forty of the drawn clips of
-    # `hdn-analyse states`, seeds 1 and 21, and more than half of the wrong ones.
+    # whichever is more ...
     known_px: float = 1.0
     known_ratio: float = 0.025
-    # Standard deviation that a step with the surroundings adds to the eight parameters of a pose, px at the edge of the
-    # standard crop: as much for affine and translation, half of it for perspective.
-    carried_deviation_px: tuple[float, ...] = (0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15, 0.15)
+    # ... and up to which its error is hardly seen: px, or as a share of the frame's longer side, whichever is more.
+    sharp_px: float = 2.0
+    sharp_ratio: float = 3 / 1280
+    # Up to which a pose that is not known is held: px, or as a share of the frame's longer side, or of the target's.
+    held_px: float = 8.0
+    held_ratio: float = 8 / 1280
+    held_size_ratio: float = 0.05
+    # Standard deviations of the eight parameters of a pose, px at the edge of the standard crop: affine four,
+    # translation, perspective. Of one that is given:
+    given_deviation_px: tuple[float, ...] = (0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15, 0.15)
+    # By which the target moves in a frame in which nothing tells how:
+    drift_deviation_px: tuple[float, ...] = (1.0, 1.0, 3.0, 1.0, 1.0, 3.0, 0.5, 0.5)
+    # Growth of a measured pose's variance to the next frame: errors of neighbouring frames are much the same, so that
+    # many of them make a pose less sure than they would if each erred on its own.
+    forgetting: float = 1.6
 
 
 MODEL = PoseModel()
-CARRIED_COVARIANCE = np.diag(np.square(MODEL.carried_deviation_px))
+GIVEN_COVARIANCE = np.diag(np.square(MODEL.given_deviation_px))
+DRIFT_COVARIANCE = np.diag(np.square(MODEL.drift_deviation_px))
 
 
 @dataclass(frozen=True)
@@ -47,9 +61,11 @@ class Target:
         quad: (4, 2) its corners in the reference frame, px.
         proposer: HDN's stages.
         refiner: photometric refinement.
-        redetector: its keypoints.
+        redetector: its keypoints, and those of the plane around it.
         plane: what surrounds it on the same plane; it learns.
+        occlusion, occlusion_around: what is seen of the target, and of the plane.
         region: where on its plane tracking may look.
+        frame_side: longer side of the frames, px.
     """
 
     quad: Array
@@ -58,20 +74,28 @@ class Target:
     redetector: Redetector
     plane: PlaneMap
     occlusion: Occlusion
-    plane_occlusion: Occlusion
-    region: Region = EVERYWHERE
+    occlusion_around: Occlusion
+    region: Region
+    frame_side: int
 
     @classmethod
     def from_frame(
         cls, engine: Engine, frame: Observation, quad: Array, stages: frozenset[Stage], region: Region = EVERYWHERE
     ) -> "Target":
         """Takes a target (4, 2) in the reference frame."""
-        usable = None if region.is_everywhere else region.mask(*frame.colour.size)
-        refiner = Refiner(frame, quad, usable)
+        width, height = frame.colour.size
+        refiner = Refiner(frame, quad, None if region.is_everywhere else region.mask(width, height))
         plane = PlaneMap(frame, quad, refiner.standard_side, region)
         return cls(
-            quad, Proposer(engine, frame, quad, stages), refiner, Redetector(frame, quad), plane, Occlusion(engine, frame, quad),
-            Occlusion(engine, frame, transform(plane.level.to_template, outline(plane.level.width, plane.level.height)), plane.level.cells), region
+            quad,
+            Proposer(engine, frame, quad, stages),
+            refiner,
+            Redetector(frame, quad),
+            plane,
+            Occlusion(engine, frame, quad, PARTS),
+            Occlusion(engine, frame, plane.corners, plane.level.cells),
+            region,
+            max(width, height),
         )
 
     @property
@@ -94,14 +118,24 @@ class Target:
         return bool((w > 0).all()) and is_convex(corners) and is_sized
 
     def is_known(self, homography: Array, covariance: Array) -> bool:
-        """Whether the corners of a pose (3, 3) are as sure, by its covariance (8, 8), as 'tracked' promises.
+        """Whether the corners of a pose (3, 3) are sure, by its covariance (8, 8), for a target of their size.
 
         Without refinement nothing tells how sure they are, and any are.
         """
-        if not self.is_refined:
-            return True
-        most = max(MODEL.known_px, MODEL.known_ratio * side(self.corners(homography)))
-        return self.refiner.deviation(homography, covariance) <= most
+        size = side(self.corners(homography))
+        most = max(MODEL.known_px, MODEL.known_ratio * size)
+        return not self.is_refined or self.refiner.deviation(homography, covariance) <= most
+
+    def is_sharp(self, homography: Array, covariance: Array) -> bool:
+        """Whether a pose that is known is as sure as 'tracked' promises: whether its error is hardly seen."""
+        most = max(MODEL.sharp_px, MODEL.sharp_ratio * self.frame_side)
+        return not self.is_refined or self.refiner.deviation(homography, covariance) <= most
+
+    def is_holdable(self, homography: Array, covariance: Array) -> bool:
+        """Whether a pose is sure enough to be held."""
+        size = side(self.corners(homography))
+        most = max(MODEL.held_px, MODEL.held_ratio * self.frame_side, MODEL.held_size_ratio * size)
+        return not self.is_refined or self.refiner.deviation(homography, covariance) <= most
 
 
 @dataclass(frozen=True)
@@ -113,36 +147,49 @@ class Pose:
         previous: (3, 3) the same of the frame before, for the motion so far; that of the last where it is not known.
         covariance: (8, 8) of the homography's parameters, as `Alignment` tells it.
         missed: frames in a row in which the target was not found.
-        frames: grey, the last one and the one before, as far as they are known.
-        is_attached: whether the target moves as its surroundings do; None where that was not looked at yet.
+        frame: grey, the last one; None where it is not known.
+        blur: (2, 2) px^2 of the standard crop, by which the last frame was blurrier than the reference frame.
+        seen: (PARTS, PARTS) 0..1, which parts of the target the last frame is known to show.
+        seen_around: (n, n) the same of the cells of the plane map; None where that was not looked at.
     """
 
     homography: Array
     previous: Array
     covariance: Array
     missed: int = 0
-    frames: tuple[Pyramid, ...] = ()
-    is_attached: bool | None = None
-    blur: Array = field(default_factory=lambda: np.zeros((2, 2)))
-    visibility: Floats = field(default_factory=lambda: np.ones((CELLS, CELLS), np.float32))
-    shown: Floats = field(default_factory=lambda: np.zeros((CELLS, CELLS), np.float32))
+    frame: Pyramid | None = None
+    blur: Array = field(default_factory=lambda: NO_BLUR)
+    seen: Floats | None = None
+    seen_around: Mask | None = None
 
     @classmethod
-    def known(cls, homography: Array, frames: tuple[Pyramid, ...] = ()) -> "Pose":
+    def known(cls, homography: Array) -> "Pose":
         """The pose of a target that is at a homography (3, 3), with nothing known of its motion."""
         pose = normalised(homography)
-        return cls(pose, pose, CARRIED_COVARIANCE, frames=frames)
+        return cls(pose, pose, GIVEN_COVARIANCE)
 
-    def found(self, homography: Array, covariance: Array, frame: Pyramid) -> "Pose":
-        """The target was found in a grey frame."""
+    @property
+    def predicted(self) -> Array:
+        """The pose (3, 3) in the next frame if the target goes on as it moved."""
+        return normalised(self.homography @ np.linalg.inv(self.previous) @ self.homography)
+
+    @property
+    def prior_covariance(self) -> Array:
+        """Covariance (8, 8) of the pose as what the next frame's is expected from, without its motion."""
+        return self.covariance * (MODEL.forgetting if self.missed == 0 else 1)
+
+    def found(self, homography: Array, covariance: Array) -> "Pose":
+        """The target was found."""
         previous = self.homography if self.missed == 0 else homography
-        return replace(self, homography=homography, previous=previous, covariance=covariance, missed=0)._after(frame)
+        return replace(self, homography=homography, previous=previous, covariance=covariance, missed=0)
 
-    def not_found(self, homography: Array, covariance: Array, frame: Pyramid) -> "Pose":
-        """The target was not found in a grey frame; the pose is taken as given, and its motion as unknown."""
+    def not_found(self, homography: Array, covariance: Array) -> "Pose":
+        """The target was not found; the pose is taken as given, and its motion as unknown."""
         missed = self.missed + 1
-        changed = replace(self, homography=homography, previous=homography, covariance=covariance, missed=missed)
-        return changed._after(frame)
+        return replace(self, homography=homography, previous=homography, covariance=covariance, missed=missed)
 
-    def _after(self, frame: Pyramid) -> "Pose":
-        return replace(self, frames=(frame, *self.frames[:1]))
+    def after(
+        self, frame: Pyramid, blur: Array = NO_BLUR, seen: Floats | None = None, seen_around: Mask | None = None
+    ) -> "Pose":
+        """The pose with what the frame it is in, grey, shows; see the attributes."""
+        return replace(self, frame=frame, blur=blur, seen=seen, seen_around=seen_around)

@@ -2,35 +2,47 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from .alignment.refinement import NO_BLUR, START_COVARIANCE
 from .errors import InputError
 from .evidence import Evidence, is_hint, is_shown, is_sure_fix, visible_share
 from .imaging.arrays import Array, Floats, Image
 from .imaging.observation import Observation
 from .imaging.quads import check_quad
 from .imaging.regions import EVERYWHERE, Region, check_region
-from .localisation import MODEL as SEARCH
-from .alignment.refinement import _finer
 from .localisation import Candidate, FrameSearch
 from .networks.engine import Engine
 from .networks.loading import load_engine
 from .proposal import Proposal, Stage
 from .state import State
-from .target import CARRIED_COVARIANCE, Pose, Target
+from .target import DRIFT_COVARIANCE, PARTS, Pose, Target
 
 
 @dataclass(frozen=True)
 class TrackingModel:
     """Constants of what is done and told while a target is not found."""
 
-    hold_frames: int = 20  # without a fix, after which a held target counts as lost
     search_after_frames: int = 2  # without a fix, after which the whole frame is searched
     unfound_confidence: float = 0.5  # factor on the confidence in a pose that is no fix
+    lost_variance_ratio: float = 100.0  # to that of a start of which nothing is known: of a pose after a cut
 
 
 MODEL = TrackingModel()
+
+
+class PlaneStep(NamedTuple):
+    """The motion of a target's plane since the frame seen before.
+
+    Attributes:
+        homography: (3, 3) pixels of that frame to this one's.
+        covariance: (8, 8) px^2 of the target's corners x0, y0, x1, y1 ... moved by it.
+    """
+
+    homography: Array
+    covariance: Array
 
 
 @dataclass(frozen=True)
@@ -40,15 +52,19 @@ class Estimate:
     Attributes:
         homography: (3, 3) reference-frame pixels to this frame's pixels; while lost, the last one known.
         corners: (4, 2) the target's corners in this frame, px.
-        state: 'tracked'; 'held': too little is seen to say surely where the target is, for some frames, the pose being
-            measured all the same, carried on, or left; or 'lost'.
+        state: 'tracked'; 'held': too little is seen of the target itself, but its pose is known to some px, by what
+            surrounds it or by its motion so far; or 'lost'.
         confidence: 0..1, the share of the target's area in the frame that agrees with the template.
-        deviation: px, standard deviation of the corners: small where all is seen, some px where half is hidden,
-            infinite where nothing tells where the target is.
+        deviation: px, standard deviation of the corners by all that is known: small where all is seen, some px where
+            half is hidden, infinite while lost.
         visibility: (8, 8) 0..1, which cells of the target are seen, row by row in its own reading order.
         evidence: what the judgement rests on.
         blur: (2, 2) px^2, covariance of the Gaussian by which this frame blurs the target more than the reference frame
             did (negative: less), about its middle; 0 where it makes no difference.
+        covariance: (8, 8) px^2, of the corners x0, y0, x1, y1 ... by what this frame alone tells; None where it tells
+            nothing.
+        step: how the plane moved since the frame before; None where that was not looked at, since the target is well
+            seen, or where it cannot be told.
     """
 
     homography: Array
@@ -59,6 +75,8 @@ class Estimate:
     visibility: Floats
     evidence: Evidence
     blur: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    covariance: Array | None = None
+    step: PlaneStep | None = None
 
 
 class Tracker:
@@ -111,6 +129,11 @@ class Tracker:
         """The last pose (3, 3), reference-frame pixels to those of the last frame. Raises InputError before `init`."""
         return self.pose.homography
 
+    @property
+    def map_picture(self) -> Image:
+        """The map of the target's plane as it is known by now: RGB (h, w, 3), rectified. See `PlaneMap.picture`."""
+        return self.target.plane.picture
+
     def init(self, frame: Image | Observation, quad: Array, region: Region = EVERYWHERE) -> None:
         """Takes the target: its quad (4, 2), px, in an RGB frame (H, W, 3), and where on its plane to look.
 
@@ -125,7 +148,9 @@ class Tracker:
         check_region(region, *seen.colour.size)
         target = Target.from_frame(self.engine, seen, quad, self.stages, region)
         cells = target.plane.level.cells
-        self._state = target, replace(Pose.known(np.eye(3), (seen.grey,)), shown=np.ones((cells, cells), np.float32), visibility=np.ones((32, 32), np.float32))
+        whole = np.ones((PARTS, PARTS), np.float32)
+        pose = Pose.known(np.eye(3)).after(seen.grey, seen=whole, seen_around=np.ones((cells, cells), bool))
+        self._state = target, pose
 
     def place(self, homography: Array) -> None:
         """Goes on from a known pose: (3, 3), reference-frame pixels to those of the frame before the next.
@@ -133,8 +158,7 @@ class Tracker:
         Raises:
             InputError: the tracker has no target yet.
         """
-        cells = self.target.plane.level.cells
-        self._state = self.target, replace(Pose.known(homography), shown=np.zeros((cells, cells), np.float32))
+        self._state = self.target, Pose.known(homography)
 
     def lose(self) -> None:
         """Counts the target as lost, as after a cut: the next frame is searched as a whole.
@@ -142,7 +166,9 @@ class Tracker:
         Raises:
             InputError: the tracker has no target yet.
         """
-        self._state = self.target, replace(self.pose, missed=MODEL.hold_frames)
+        lost = MODEL.lost_variance_ratio * START_COVARIANCE
+        pose = replace(self.pose, missed=MODEL.search_after_frames, covariance=lost, frame=None)
+        self._state = self.target, pose
 
     def propose(self, frame: Image | Observation) -> Proposal:
         """HDN's three stages from the last pose, and no more; the tracker does not move.
@@ -161,39 +187,29 @@ class Tracker:
         target, pose = self._initialised()
         seen = _observed(frame)
         search = FrameSearch(target, pose, seen)
-        candidate, is_found = _found(search, pose)
-        is_measured = True
+        is_lost = not target.is_holdable(pose.homography, pose.covariance)
+        candidate, is_found = _found(search, pose, is_lost)
+        blur = NO_BLUR
+        measured: Array | None = None
         if is_found:
-            pose = pose.found(candidate.homography, candidate.covariance, seen.grey)
-        elif search.prior is not None and pose.missed < MODEL.hold_frames:
-            pose = pose.not_found(*search.prior, seen.grey)
-        elif pose.missed < MODEL.hold_frames and is_hint(candidate.evidence):
-            pose = pose.not_found(candidate.homography, candidate.covariance, seen.grey)
-        elif pose.missed < MODEL.hold_frames and search.carried is not None:
-            pose = pose.not_found(search.carried, pose.covariance + CARRIED_COVARIANCE, seen.grey)
+            pose = pose.found(candidate.homography, candidate.covariance)
+            if candidate.alignment is not None:
+                blur, measured = candidate.alignment.blur, candidate.alignment.measured
+        elif is_lost:
+            pose = pose.not_found(pose.homography, pose.covariance)
+        elif search.is_hard and (search.step is not None or search.expectation.by_map is not None):
+            expected = search.expectation
+            pose, blur = pose.not_found(expected.homography, expected.covariance), expected.blur
+            measured = None if expected.by_map is None else expected.by_map.measured
+        elif is_hint(candidate.evidence):
+            pose = pose.not_found(candidate.homography, candidate.covariance + DRIFT_COVARIANCE)
         else:
-            pose = pose.not_found(pose.homography, pose.covariance, seen.grey)
-            is_measured = False
-        # Once nothing hides the target, whether it is attached is to be measured anew when next something does.
-        is_clear = is_found and candidate.support >= SEARCH.sure_support
+            pose = pose.not_found(pose.homography, pose.covariance + DRIFT_COVARIANCE)
         if target.is_refined:
-            shown = target.plane.look(seen.grey, pose.homography, is_clear)
-            agreement = candidate.alignment.agreement if candidate.alignment is not None else None
-            if is_clear:
-                visibility = np.ones((32, 32), np.float32)
-                visibility = _finer(np.where(agreement.textured, agreement.agrees_surely, 1).astype(np.float32), 32)
-            elif agreement is not None and is_found:
-                visibility = _finer((agreement.agrees_surely & agreement.visible).astype(np.float32), 32)
-                if search.seen is not None:
-                    visibility = visibility * np.clip(4 * search.seen - 2, 0, 1)
-            else:
-                visibility = np.zeros((32, 32), np.float32)
-            pose = replace(pose, visibility=visibility, shown=shown)
-            blur = candidate.alignment.blur if is_found and candidate.alignment is not None else pose.blur
-        else:
-            blur = pose.blur
-        self._state = target, replace(pose, is_attached=None if is_clear else search.is_attached, blur=blur)
-        return _estimate(target, pose, candidate, is_found, is_measured)
+            around = target.plane.look(seen.grey, pose.homography, learn=is_found and not search.is_hard)
+            pose = pose.after(seen.grey, blur, search.shown_parts(candidate if is_found else None), around)
+        self._state = target, pose
+        return _estimate(target, pose, search, candidate, is_found, measured)
 
     def _initialised(self) -> tuple[Target, Pose]:
         if self._state is None:
@@ -201,9 +217,9 @@ class Tracker:
         return self._state
 
 
-def _found(search: FrameSearch, pose: Pose) -> tuple[Candidate, bool]:
+def _found(search: FrameSearch, pose: Pose, is_lost: bool) -> tuple[Candidate, bool]:
     """The best candidate of a frame, and whether it shows the target; if so, it is finely aligned."""
-    candidate = search.nearby()
+    candidate = search.nearby(is_lost)
     is_found = search.is_found(candidate)
     if not is_found and pose.missed >= MODEL.search_after_frames:
         elsewhere = search.anywhere()
@@ -212,28 +228,45 @@ def _found(search: FrameSearch, pose: Pose) -> tuple[Candidate, bool]:
     return search.finely_aligned(candidate) if is_found else candidate, is_found
 
 
-def _estimate(target: Target, pose: Pose, candidate: Candidate, is_found: bool, is_measured: bool) -> Estimate:
+def _estimate(
+    target: Target, pose: Pose, search: FrameSearch, candidate: Candidate, is_found: bool, measured: Array | None
+) -> Estimate:
     """What is told of a frame.
 
     Args:
         pose: after the frame.
+        search: in the frame.
         candidate: the best one in it.
         is_found: whether that shows the target.
-        is_measured: whether anything in the frame tells where the target is.
+        measured: (8, 8) covariance of the pose by what is seen in the frame alone; None where nothing was measured.
     """
-    is_sure = is_found and is_shown(candidate.evidence) and target.is_known(pose.homography, pose.covariance)
-    state: State = "tracked" if is_sure else "held" if pose.missed <= MODEL.hold_frames else "lost"
+    homography, covariance, refiner = pose.homography, pose.covariance, target.refiner
+    is_known = target.is_known(homography, covariance) and target.is_sharp(homography, covariance)
+    is_held = target.is_holdable(homography, covariance)
+    state: State = (
+        "tracked" if is_found and is_shown(candidate.evidence) and is_known else "held" if is_held else "lost"
+    )
     alignment = candidate.alignment if is_found else None
     return Estimate(
-        homography=pose.homography,
-        corners=target.corners(pose.homography),
+        homography=homography,
+        corners=target.corners(homography),
         state=state,
         confidence=visible_share(candidate.evidence.agreement) * (1.0 if is_found else MODEL.unfound_confidence),
-        deviation=target.refiner.deviation(pose.homography, pose.covariance) if is_measured else np.inf,
+        deviation=refiner.deviation(homography, covariance) if is_held or is_found else np.inf,
         visibility=candidate.visibility * is_found,
         evidence=candidate.evidence,
-        blur=np.zeros((2, 2)) if alignment is None else target.refiner.frame_blur(alignment),
+        blur=np.zeros((2, 2)) if alignment is None else refiner.frame_blur(alignment),
+        covariance=None if measured is None else refiner.corner_covariance(homography, measured),
+        step=_step(target, search) if search.is_hard else None,
     )
+
+
+def _step(target: Target, search: FrameSearch) -> PlaneStep | None:
+    """The plane's motion that a search measured, with the covariance of the corners."""
+    if search.step is None:
+        return None
+    covariance = target.refiner.corner_covariance(search.carried, search.step.covariance)
+    return PlaneStep(search.step.homography, covariance)
 
 
 def _observed(frame: Image | Observation) -> Observation:

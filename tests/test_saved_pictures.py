@@ -21,6 +21,7 @@ FRAMES = 5
 class Mapping(Still):
     """A tracker with a map: a picture of the one colour."""
 
+    @property
     def map_picture(self) -> Image:
         return np.full((30, 50, 3), (200, 100, 50), np.uint8)
 

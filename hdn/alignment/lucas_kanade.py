@@ -7,6 +7,7 @@ robustly, so that an occluder or a glare does not pull.
 import copy
 import itertools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -37,10 +38,25 @@ class LucasKanade:
     cells_per_block: int = 2  # x 2 cells, a block of which gives its pixels of the strongest gradients
     min_relative_trust: float = 0.5  # to the most trusted cell, for a cell's pixels to tell the noise
     noise_floor: float = 0.05  # of the median pixel's certainty: least deviation of the residuals
+    weak_prior: float = 1e-4  # px^-2: information that stands for what was expected, where only what is seen counts
     ridge: float = 1e-6  # on the information of a crop that is wholly seen, against templates without texture
 
 
 MODEL = LucasKanade()
+
+
+class Fit(NamedTuple):
+    """How a frame lies on the template.
+
+    Attributes:
+        warp: (3, 3) pixels of the template's crop to those of the frame's.
+        covariance: (8, 8) of its parameters, px^2 at the edge of the standard crop.
+        measured: (8, 8) the same by what is seen alone, without what was expected.
+    """
+
+    warp: Array
+    covariance: Array
+    measured: Array
 
 
 class Level:
@@ -170,7 +186,7 @@ class Level:
         prior_warp: Array,
         prior_covariance: Array,
         constraint: WarpConstraint = UNCONSTRAINED,
-    ) -> tuple[Array, Array]:
+    ) -> "Fit":
         """Aligns a rectified frame with the template.
 
         Args:
@@ -179,9 +195,6 @@ class Level:
             prior_warp: (3, 3) the warp that is likeliest without a look.
             prior_covariance: (8, 8) of its parameters, px^2 at the edge of the standard crop.
             constraint: what the target's border tells of the warp.
-
-        Returns:
-            The warp (3, 3), template pixels to pixels of the search crop, and its covariance (8, 8), as the prior's.
         """
         y, x = self._at
         trusted = trust[y * len(trust) // self.height, x * len(trust) // self.width]
@@ -212,7 +225,9 @@ class Level:
             warp = normalised(warp @ self._from_unit @ np.linalg.inv(increment) @ self._to_unit)
             if np.abs(step).max() * max(self.width, self.height) / 2 < MODEL.still_px:
                 break
-        return warp, self._pixels_per_error * noise**2 * np.linalg.inv(hessian) / self._standard_pixel**2
+        pixel = self._standard_pixel
+        seen_only = hessian + scale * (MODEL.weak_prior / pixel**2 * np.eye(8) - prior)
+        return Fit(warp, *(scale * np.linalg.inv(h) / pixel**2 for h in (hessian, seen_only)))
 
     @property
     def best_covariance(self) -> Array:
@@ -247,6 +262,7 @@ def _local_threshold(strength: Floats, share: float, blocks: int) -> Floats:
     rows, columns = (np.linspace(0, n, blocks + 1).astype(int) for n in (h, w))
     for top, bottom in itertools.pairwise(rows):
         for left, right in itertools.pairwise(columns):
-            block = strength[top:bottom, left:right]
-            threshold[top:bottom, left:right] = np.quantile(block, 1 - share)
+            block = strength[top:bottom, left:right].ravel()
+            weaker = min(int((1 - share) * block.size), block.size - 1)
+            threshold[top:bottom, left:right] = np.partition(block, weaker)[weaker]
     return threshold

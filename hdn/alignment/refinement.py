@@ -12,7 +12,7 @@ from ..imaging.arrays import Array, Floats, Grey, Image, Mask
 from ..imaging.blur import relative_blur, spectral_blur
 from ..imaging.homography import derivative, from_corners, normalised, transform
 from ..imaging.observation import Observation
-from ..imaging.quads import area, outline, side
+from ..imaging.quads import outline, side
 from .agreement import CELLS, Agreement, cell_means
 from .border import UNCONSTRAINED, Border
 from .lucas_kanade import Level
@@ -113,6 +113,7 @@ class Alignment:
     homography: Array
     agreement: Agreement
     covariance: Array
+    measured: Array
     last_step_px: float
     prior: Prior
     blur: Array = field(default_factory=lambda: np.zeros((2, 2)))
@@ -214,10 +215,15 @@ class Refiner:
         if variance > MODEL.min_matched_variance_px2:
             matched = self._step(self._standard.matched(blur), frame, alignment.homography, alignment.prior)
             lacking, before = (1 - _typical_correlation(a.agreement) for a in (matched, alignment))
-            if lacking < MODEL.max_lack_left * before or (_variance(expected) > MODEL.min_matched_variance_px2 and lacking < before):
+            if lacking < MODEL.max_lack_left * before or (
+                _variance(expected) > MODEL.min_matched_variance_px2 and lacking < before
+            ):
                 return replace(self._step(level.matched(blur), frame, matched.homography, alignment.prior), blur=blur)
         if _variance(expected) > MODEL.min_matched_variance_px2:
-            return replace(self._step(self._standard.matched(expected), frame, alignment.homography, alignment.prior), blur=expected)
+            return replace(
+                self._step(self._standard.matched(expected), frame, alignment.homography, alignment.prior),
+                blur=expected,
+            )
         return self._step(level, frame, alignment.homography, alignment.prior) if is_fine else alignment
 
     def frame_blur(self, alignment: Alignment) -> Array:
@@ -239,10 +245,14 @@ class Refiner:
             homography: (3, 3) the pose, template to frame.
             covariance: (8, 8) of it, as an alignment tells it.
         """
+        return deviation_of(self.corner_covariance(homography, covariance))
+
+    def corner_covariance(self, homography: Array, covariance: Array) -> Array:
+        """Covariance (8, 8), px^2 of the frame, of the corners x0, y0, x1, y1 ...; arguments as `deviation`'s."""
         level = self._standard
-        spread = np.einsum("cij,jk,cik->", level.corners, covariance, level.corners) / 4
-        magnification = area(transform(homography, self._quad)) / (level.width * level.height)
-        return float(np.sqrt(spread * abs(magnification)))
+        stretch = derivative(homography @ level.to_template, outline(level.width, level.height))
+        motion = np.einsum("cij,cjp->cip", stretch, level.corners).reshape(8, 8)
+        return np.asarray(motion @ covariance @ motion.T)
 
     def agreement(self, frame: Observation, homography: Array) -> Agreement:
         """Compares a frame, rectified by a homography (3, 3), with the template."""
@@ -257,9 +267,9 @@ class Refiner:
         if self._borders:
             border = self._borders[level is not self._coarse]
             constraint = border.constraint(frame.colour, homography, as_cells(prior.visibility))
-        warp, covariance = level.align(search, trust, prior_warp, prior.covariance, constraint)
-        found = normalised(homography @ level.to_template @ warp @ level.from_template)
-        return Alignment(found, agreement, covariance, level.corner_motion(warp), prior)
+        fit = level.align(search, trust, prior_warp, prior.covariance, constraint)
+        found = normalised(homography @ level.to_template @ fit.warp @ level.from_template)
+        return Alignment(found, agreement, fit.covariance, fit.measured, level.corner_motion(fit.warp), prior)
 
     def _compare(self, level: Level, frame: Observation, homography: Array) -> tuple[Grey, Agreement]:
         search = level.rectify(frame.grey, homography)
@@ -283,7 +293,7 @@ class Refiner:
         return float((correlation * weight).sum() / weight.sum())
 
     def spectral_blur(self, frame: Observation, homography: Array) -> Array:
-        """Blur (2, 2) px^2 of the standard crop of a frame against the template, by their spectra: no alignment needed."""
+        """Blur (2, 2) px^2 of the standard crop of a frame against the template, as `spectral_blur` tells it."""
         level = self._standard
         view = level.crop(frame.grey, homography)
         return spectral_blur(level.raw, view)
@@ -301,7 +311,9 @@ class Refiner:
         trust = _finer(self._trust(correlation), len(visibility)) * visibility
         level = self._standard
         trusted = cv2.resize(trust, (level.width, level.height), interpolation=cv2.INTER_NEAREST)
-        return relative_blur(level.raw, level.crop(frame.grey, alignment.homography), trusted, level.window, alignment.prior.blur)
+        return relative_blur(
+            level.raw, level.crop(frame.grey, alignment.homography), trusted, level.window, alignment.prior.blur
+        )
 
     def _trust(self, correlation: Floats) -> Floats:
         """Weights (8, 8) of the cells for alignment; where hardly any agrees, all count: it is not aligned yet."""
@@ -325,6 +337,11 @@ class Refiner:
         centres = transform(homography, self._cell_centres)
         w, h = frame.colour.size
         return np.asarray(((centres > -0.5) & (centres < [w - 0.5, h - 0.5])).all(-1))
+
+
+def deviation_of(covariance: Array) -> float:
+    """Standard deviation of corners by their covariance (8, 8): the root of its mean square over them."""
+    return float(np.sqrt(np.trace(covariance) / 4))
 
 
 def as_cells(parts: Floats) -> Floats:

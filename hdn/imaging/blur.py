@@ -114,7 +114,9 @@ def spectral_blur(template: Grey, view: Grey) -> Array:
         for deviation in np.geomspace(np.sqrt(values[1]), np.sqrt(MODEL.max_variance_px2), 12):
             gain = np.square(np.sinc(along * deviation * np.sqrt(12) / np.pi))
             predicted = p0 * gain
-            scale = float(np.exp(np.median((p1 - np.log(predicted + noise[1]))[gain > 0.3]))) if (gain > 0.3).any() else 1.0
+            scale = (
+                float(np.exp(np.median((p1 - np.log(predicted + noise[1]))[gain > 0.3]))) if (gain > 0.3).any() else 1.0
+            )
             error = float(np.abs(p1 - np.log(scale * predicted + noise[1])).mean())
             if error < best:
                 best, values[1] = error, deviation**2

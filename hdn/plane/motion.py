@@ -1,0 +1,133 @@
+"""The motion of a target's plane from one frame to the next, by the parts of it that are seen in both.
+
+Both frames are blurred and lit alike, and most of what is seen in one is seen in the other: so a step is measured well
+where the reference frame says little. Its errors add up from frame to frame, though.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ..alignment.agreement import CELLS
+from ..alignment.lucas_kanade import Level
+from ..alignment.refinement import START_COVARIANCE
+from ..imaging.arrays import Array, Floats
+from ..imaging.homography import normalised, transform
+from ..imaging.pyramid import Pyramid
+from ..imaging.quads import is_convex
+from .plane_map import PlaneMap
+
+
+@dataclass(frozen=True)
+class PlaneMotionModel:
+    """Constants of the measurement of a step; px are those of a crop, whose target's longer side has `sides_px`."""
+
+    sides_px: tuple[int, ...] = (40, 80)  # of the crops, coarse to fine
+    points: tuple[int, ...] = (2000, 4000)  # that are compared in each
+    blur_px: float = 1.0  # standard deviation of the Gaussian that both frames are blurred by
+    steps: int = 3  # per crop, each with the frame rectified anew
+    settled_px: float = 0.2  # of the standard crop, corner motion under which the next step would not tell more
+
+    # Which cells count: by their correlation with the frame before, once enough of them agree.
+    agreeing: float = 0.6  # correlation from which a cell agrees
+    correlation_range: tuple[float, float] = (0.3, 0.7)  # over which a cell comes to count in full
+    min_agreeing_nearly: float = 0.3  # share of the trusted cells that agree, from which they are nearly aligned
+    min_trust: float = 3.0  # cells, by their trust, that have to be in both frames
+    min_agreement: float = 0.5  # share of the trusted cells that agree, for a step to be believed
+    sure_agreement: float = 0.9  # from which no other start is tried
+    # Standard deviation that a step has at least, in its eight parameters, px at the edge of the standard crop.
+    least_deviation_px: tuple[float, ...] = (0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.12, 0.12)
+
+
+MODEL = PlaneMotionModel()
+LEAST_COVARIANCE = np.diag(np.square(MODEL.least_deviation_px))
+
+
+class Step(NamedTuple):
+    """The plane's motion between two frames.
+
+    Attributes:
+        homography: (3, 3) pixels of the frame before to those of this one.
+        covariance: (8, 8) of it, as `Alignment` tells it.
+        agreement: share of the trusted parts that agree, 0..1.
+    """
+
+    homography: Array
+    covariance: Array
+    agreement: float
+
+
+def plane_step(
+    plane: PlaneMap, before: Pyramid, after: Pyramid, corners: Array, trust: Floats, starts: Iterable[Array]
+) -> Step | None:
+    """Measures the plane's motion from one grey frame to the next.
+
+    Args:
+        plane: the target's map, for its layout.
+        before, after: grey pyramids of the two frames.
+        corners: (4, 2) the target in the frame before, px.
+        trust: (m, m) 0..1, which parts of the map the frame before is known to show.
+        starts: (3, 3) each, motions that are likely; the best one counts.
+
+    Returns:
+        None where too little is seen in both frames, or does not move as a plane.
+    """
+    trust, margin = _without_empty_rim(trust, plane.margin)
+    levels = [
+        Level(before, corners, plane.size(side), MODEL.blur_px, plane.standard_side, points, margin)
+        for side, points in zip(MODEL.sides_px, MODEL.points, strict=True)
+    ]
+    best: Step | None = None
+    for start in starts:
+        found = _aligned(levels, after, start, trust)
+        if found is None or not is_convex(transform(found.homography, corners)):
+            continue
+        if best is None or found.agreement > best.agreement:
+            best = found
+        if best.agreement > MODEL.sure_agreement:
+            break
+    return best
+
+
+def _aligned(levels: Sequence[Level], frame: Pyramid, start: Array, trust: Floats) -> Step | None:
+    """A step from one start; see `plane_step`."""
+    count = levels[0].cells
+    trusted = np.asarray(cv2.resize(trust, (count, count), interpolation=cv2.INTER_AREA), np.float32)
+    pose, covariance = start, START_COVARIANCE
+    for level in levels:
+        for _ in range(MODEL.steps):
+            search = level.rectify(frame, pose)
+            correlation = level.correlation(search)
+            seen = level.in_frame(frame, pose).astype(np.float32)
+            if (trusted * seen).sum() < MODEL.min_trust:
+                return None
+            if _agreement(correlation, trusted * seen) > MODEL.min_agreeing_nearly:
+                low, high = MODEL.correlation_range
+                seen *= np.clip((correlation - low) / (high - low), 0, 1)
+            finer = cv2.resize(seen, trust.shape, interpolation=cv2.INTER_NEAREST)
+            expected = level.from_template @ np.linalg.inv(pose) @ start @ level.to_template
+            fit = level.align(search, trust * finer, expected, START_COVARIANCE)
+            pose, covariance = normalised(pose @ level.to_template @ fit.warp @ level.from_template), fit.covariance
+            if not np.isfinite(pose).all():
+                return None
+            if level.corner_motion(fit.warp) < MODEL.settled_px:
+                break
+    seen = level.in_frame(frame, pose).astype(np.float32)
+    agreement = _agreement(level.correlation(level.rectify(frame, pose)), trusted * seen)
+    return Step(pose, covariance + LEAST_COVARIANCE, agreement) if agreement >= MODEL.min_agreement else None
+
+
+def _agreement(correlation: Floats, weights: Floats) -> float:
+    """Share of the cells, by their weights, that agree."""
+    return float((weights * (correlation > MODEL.agreeing)).sum() / max(weights.sum(), 1e-6))
+
+
+def _without_empty_rim(trust: Floats, margin: int) -> tuple[Floats, int]:
+    """Trust (m, m) without the outer cells that have none all around, and how many cells of margin are left."""
+    parts = len(trust) // (CELLS + 2 * margin)  # to a cell
+    while margin and not trust.sum() > trust[parts:-parts, parts:-parts].sum():
+        trust, margin = trust[parts:-parts, parts:-parts], margin - 1
+    return np.ascontiguousarray(trust), margin

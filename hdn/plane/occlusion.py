@@ -1,0 +1,43 @@
+"""Which parts of a plane are seen in a frame, and which are hidden by something in front of it."""
+
+import cv2
+import numpy as np
+
+from ..imaging.arrays import Array, Floats, Image
+from ..imaging.homography import from_corners
+from ..imaging.observation import Observation
+from ..imaging.quads import square
+from ..networks.config import MATTE_SIZE
+from ..networks.engine import Engine
+
+
+class Occlusion:
+    """The matte network with one area of a plane, as the reference frame shows it, for its template."""
+
+    def __init__(self, engine: Engine, frame: Observation, quad: Array, parts: int) -> None:
+        """Args:
+        engine: the networks.
+        frame: the reference frame.
+        quad: (4, 2) the area's corners in it, px; they may lie outside.
+        parts: along either side, that are told apart.
+        """
+        self._engine, self._parts = engine, parts
+        self._to_reference = from_corners(square(MATTE_SIZE), quad)
+        self._template = self._crop(frame, np.eye(3))
+        self._known = self._inside(frame, np.eye(3))
+
+    def seen(self, frame: Observation, homography: Array) -> Floats:
+        """How probably each part (parts, parts) is seen in a frame, at a pose (3, 3); 0 outside the frame."""
+        valid = self._inside(frame, homography) & self._known
+        seen = self._engine.matte(self._crop(frame, homography), self._template, valid)
+        return np.asarray(cv2.resize(seen, (self._parts, self._parts), interpolation=cv2.INTER_AREA), np.float32)
+
+    def _crop(self, frame: Observation, homography: Array) -> Image:
+        return frame.colour.crop(homography @ self._to_reference, MATTE_SIZE, MATTE_SIZE)
+
+    def _inside(self, frame: Observation, homography: Array) -> Image:
+        """(n, n) 255 at the crop's pixels that lie in a frame, else 0."""
+        whole = np.full(frame.image.shape[:2], 255, np.uint8)
+        to_frame = homography @ self._to_reference
+        inside = cv2.warpPerspective(whole, to_frame, (MATTE_SIZE, MATTE_SIZE), flags=cv2.WARP_INVERSE_MAP)
+        return np.asarray(inside, np.uint8)

@@ -1,0 +1,235 @@
+"""The plane map: what surrounds a target on the same plane, learnt while the target itself is well seen.
+
+A board around a poster or a wall around a window moves with the homography of the target; a tree behind it does not.
+Cell by cell the map keeps how surely the surroundings do. Where the target is hidden or blurred, its pose is found by
+those that do. They are compared with the reference frame, so the map does not drift.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ..alignment.agreement import CELLS, cell_means
+from ..alignment.lucas_kanade import Level
+from ..imaging.arrays import Array, Floats, Image, Mask
+from ..imaging.homography import from_corners, normalised, transform
+from ..imaging.observation import Observation
+from ..imaging.pyramid import Pyramid
+from ..imaging.quads import outline
+from ..imaging.regions import EVERYWHERE, Region
+
+
+@dataclass(frozen=True)
+class PlaneMapModel:
+    """Constants of the plane map; px are those of its crop, of which the target's longer side has `target_side_px`."""
+
+    # The crop.
+    target_side_px: int = 80
+    min_cell_px: int = 3  # sides of a cell
+    margin_cells: int = 8  # around the target, of which eight make its side: the map is three times as large
+    max_stretch: float = 2.5  # of the depth at the map's corners to that at the target's centre: no horizon in sight
+    blur_px: float = 1.0  # standard deviation of the Gaussian that reference frame and frames are blurred by
+    points: int = 6000  # that are compared
+
+    # Which cells have texture to judge by.
+    min_shown: float = 0.99  # share of a cell that the reference frame shows
+    min_gradient: float = 0.01  # mean square gradient of the normalised picture, per px^2
+
+    # Which cells move with the target.
+    unknown: float = 0.4  # how surely a cell does so before it was looked at
+    min_correlation: float = 0.6  # with the reference frame
+    max_offset_px: float = 0.5  # of a cell's picture from where the pose has it
+    offset_ridge: float = 0.02  # mean square gradient, below which a cell's offset is drawn to zero
+    gain: float = 0.25  # by a frame in which a cell moved with the target, of what it lacks to 1
+    loss: float = 0.4  # by one in which it did not, of what it has
+
+    # Alignment.
+    trusted: float = 0.35  # from which a cell is taken to lie on the plane
+    min_cells: int = 6  # that are trusted and seen; with fewer, no pose is told
+    min_agreement: float = 0.5  # share of them, for a pose to be believed
+    steps: int = 3  # each with the frame rectified anew
+    settled_px: float = 0.3  # of the standard crop, corner motion under which the next step would not tell more
+    clear_quantile: float = 0.9  # of the cells' correlations: what a clear cell reaches in this frame's blur and noise
+    min_clear_correlation: float = 0.6  # that clear cells reach once the crop is nearly aligned
+    distrusted_ratio: float = 0.7  # of a cell's correlation to a clear one's, up to which it does not count
+    trusted_ratio_range: float = 0.15  # above that, over which it comes to count in full
+    min_matched_variance_px2: float = 1.0  # of the standard crop: less blur is not matched
+    # Standard deviation that the plane's being a little bent adds to the eight parameters of a pose, px at the edge of
+    # the standard crop.
+    bent_deviation_px: tuple[float, ...] = (0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.4, 0.4)
+
+    unsure_brightness: float = 0.25  # of cells in the map's picture that do not lie on the plane
+
+
+MODEL = PlaneMapModel()
+BENT_COVARIANCE = np.diag(np.square(MODEL.bent_deviation_px))
+
+
+class MapPose(NamedTuple):
+    """Where its surroundings have a target.
+
+    Attributes:
+        homography: (3, 3) reference frame to this one.
+        covariance, measured: (8, 8) of it, with and without what was expected, as `Alignment` tells them.
+        agreement: share of the cells on the plane that agree, of those that are seen, 0..1.
+    """
+
+    homography: Array
+    covariance: Array
+    measured: Array
+    agreement: float
+
+
+class PlaneMap:
+    """What surrounds one target, and how surely it moves with it; it learns.
+
+    Attributes:
+        standard_side: px, of the crop in whose pixels covariances are told.
+        margin: cells around the target.
+        level: the map as it is compared, the target in its middle.
+        coplanar: (n, n) 0..1, how surely each cell moves with the target.
+    """
+
+    def __init__(self, frame: Observation, quad: Array, standard_side: int, region: Region = EVERYWHERE) -> None:
+        """Args:
+        frame: the reference frame.
+        quad: (4, 2) the target's corners in it, px.
+        standard_side: px, of the crop in whose pixels covariances are told.
+        region: what a user says of where tracking may look; what it includes is taken to lie on the plane.
+        """
+        sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
+        self._sides = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
+        self.standard_side = standard_side
+        size = self.size(MODEL.target_side_px)
+        self.margin = _margin(quad, *size)
+        usable = None if region.is_everywhere else region.mask(*frame.colour.size)
+        self.level = level = Level(
+            frame.grey, quad, size, MODEL.blur_px, standard_side, MODEL.points, self.margin, usable
+        )
+        self._picture = frame.colour.crop(level.to_template, level.width, level.height)
+        self._is_given = region.include is not None
+        n = level.cells
+        self.coplanar: Floats = np.full((n, n), 1 if self._is_given else MODEL.unknown, np.float32)
+        inner = slice(self.margin, n - self.margin)
+        self._around: Mask = np.ones((n, n), bool)
+        self._around[inner, inner] = False
+        gy, gx = (np.asarray(g, np.float32) for g in np.gradient(level.template))
+        self._gradient = gx, gy
+        xx, xy, yy = (cell_means(g, n) for g in (gx * gx, gx * gy, gy * gy))
+        shown = cell_means(level.shown.astype(np.float32), n) > MODEL.min_shown
+        self._textured: Mask = (xx + yy > MODEL.min_gradient) & shown & self._around
+        a, d = xx + MODEL.offset_ridge, yy + MODEL.offset_ridge
+        self._inverse = np.array([[d, -xy], [-xy, a]]) / (a * d - xy * xy)  # (2, 2, n, n)
+
+    @property
+    def corners(self) -> Array:
+        """The map's corners (4, 2), px of the reference frame; they may lie outside."""
+        return transform(self.level.to_template, outline(self.level.width, self.level.height))
+
+    def size(self, longest: int) -> tuple[int, int]:
+        """Width and height of the target, px, in a crop in which its longer side is about so many."""
+        cell = np.maximum(np.round(longest * self._sides / self._sides.max() / CELLS), MODEL.min_cell_px)
+        width, height = (CELLS * int(side) for side in cell)
+        return width, height
+
+    def look(self, frame: Pyramid, homography: Array, learn: bool) -> Mask:
+        """Which cells (n, n) around the target a grey frame shows just where a pose (3, 3) has them.
+
+        Args:
+            learn: whether the pose was found by the target itself, so that these cells prove to move with it.
+        """
+        level, n = self.level, self.level.cells
+        search = level.rectify(frame, homography)
+        error = search - level.template
+        along = np.array([cell_means(g * error, n) for g in self._gradient])
+        offset = np.linalg.norm(np.einsum("ij...,j...->i...", self._inverse, along), axis=0)
+        moves_along = (level.correlation(search) > MODEL.min_correlation) & (offset < MODEL.max_offset_px)
+        judged = self._textured & level.in_frame(frame, homography)
+        if learn and not self._is_given:
+            change = np.where(moves_along, MODEL.gain * (1 - self.coplanar), -MODEL.loss * self.coplanar)
+            self.coplanar += np.where(judged, change, 0).astype(np.float32)
+        return np.asarray(judged & moves_along)
+
+    def trust(self, shown: Mask, target: Floats) -> Floats:
+        """Weights (m, m) of the map's parts: of the cells around that are shown (n, n), and of the target's (p, p)."""
+        parts = len(target) // CELLS  # to a cell
+        trust = self.coplanar * (shown & self._is_trusted)
+        trust = np.repeat(np.repeat(trust, parts, 0), parts, 1).astype(np.float32)
+        inner = slice(self.margin * parts, (self.margin + CELLS) * parts)
+        trust[inner, inner] = target
+        return trust
+
+    def align(self, frame: Pyramid, start: Array, covariance: Array, seen: Floats, blur: Array) -> MapPose | None:
+        """Finds the target's pose in a grey frame by what surrounds it.
+
+        Args:
+            start: (3, 3) reference frame to this one, the pose that is expected.
+            covariance: (8, 8) of it, as `Alignment` tells it.
+            seen: (n, n) 0..1, how probably each cell is seen.
+            blur: (2, 2) px^2 of the standard crop, by which the frame is blurrier than the reference frame.
+
+        Returns:
+            None where too little of the surroundings is known or seen to tell.
+        """
+        is_blurred = np.abs(blur).max() > MODEL.min_matched_variance_px2
+        level, pose = self.level.matched(blur) if is_blurred else self.level, start
+        for _ in range(MODEL.steps):
+            known = self._is_trusted & (seen > 0.5) & level.in_frame(frame, pose)
+            if known.sum() < MODEL.min_cells:
+                return None
+            search = level.rectify(frame, pose)
+            trust = _trust(level.correlation(search), known) * self.coplanar * seen * known
+            expected = level.from_template @ np.linalg.inv(pose) @ start @ level.to_template
+            fit = level.align(search, trust, expected, covariance)
+            pose = normalised(pose @ level.to_template @ fit.warp @ level.from_template)
+            if not np.isfinite(pose).all():
+                return None
+            if level.corner_motion(fit.warp) < MODEL.settled_px:
+                break
+        known = self._is_trusted & (seen > 0.5) & level.in_frame(frame, pose)
+        if known.sum() < MODEL.min_cells:
+            return None
+        agrees = level.correlation(level.rectify(frame, pose)) > MODEL.min_correlation
+        agreement = float(agrees[known].mean())
+        if agreement < MODEL.min_agreement:
+            return None
+        return MapPose(pose, fit.covariance + BENT_COVARIANCE, fit.measured + BENT_COVARIANCE, agreement)
+
+    @property
+    def picture(self) -> Image:
+        """The map as an RGB picture (h, w, 3), rectified; dim where it does not prove to lie on the plane."""
+        sure = np.where(self._around, self.coplanar * self._is_trusted, 1).astype(np.float32)
+        size = self.level.width, self.level.height
+        sure = cv2.resize(sure, size, interpolation=cv2.INTER_NEAREST)[..., None]
+        brightness = MODEL.unsure_brightness + (1 - MODEL.unsure_brightness) * sure
+        return np.asarray(self._picture * brightness * self.level.shown[..., None], np.uint8)
+
+    @property
+    def _is_trusted(self) -> Mask:
+        """Which cells (n, n) around the target have texture and are taken to lie on its plane."""
+        return np.asarray(self._textured & (self.coplanar > MODEL.trusted))
+
+
+def _trust(correlation: Floats, known: Mask) -> Floats:
+    """Weights (n, n) of the cells for alignment; where too few of those known agree, all count: not aligned yet."""
+    clear = float(np.quantile(correlation[known], MODEL.clear_quantile))
+    everywhere = np.ones_like(correlation)
+    if clear < MODEL.min_clear_correlation:
+        return everywhere
+    trust = np.clip((correlation / clear - MODEL.distrusted_ratio) / MODEL.trusted_ratio_range, 0, 1)
+    return trust if trust[known].sum() >= MODEL.min_cells else everywhere
+
+
+def _margin(quad: Array, width: int, height: int) -> int:
+    """How many cells around a target of so many px the map may show before the plane tilts too far away."""
+    corners = outline(width, height)
+    middle = corners.mean(0)
+    to_quad = from_corners(corners, quad)
+    for margin in range(MODEL.margin_cells, 0, -1):
+        wider = middle + (corners - middle) * (1 + 2 * margin / CELLS)
+        depth = (wider @ to_quad[2, :2] + to_quad[2, 2]) / (middle @ to_quad[2, :2] + to_quad[2, 2])
+        if depth.min() > 1 / MODEL.max_stretch and depth.max() < MODEL.max_stretch:
+            return margin
+    return 0
