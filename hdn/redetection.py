@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import cv2
+import numpy as np
 
-from .imaging.arrays import Array
+from .imaging.arrays import Array, Image
 from .imaging.homography import normalised
 from .imaging.observation import Observation, find_keypoints
 
@@ -25,12 +26,17 @@ MODEL = RedetectionModel()
 class Redetector:
     """Keypoints of the target matched to a whole frame, with MAGSAC++ (Barath et al., 2020)."""
 
-    def __init__(self, frame: Observation, quad: Array) -> None:
+    def __init__(self, frame: Observation, quad: Array, usable: Image | None = None) -> None:
         """Args:
         frame: the reference frame.
         quad: (4, 2) the target in it, px.
+        usable: (H, W) 255 where the reference frame may be looked at; None takes all of it.
         """
-        self.points, self.descriptors = find_keypoints(frame.grey, MODEL.max_keypoints, within=quad)
+        points, descriptors = find_keypoints(frame.grey, MODEL.max_keypoints, within=quad)
+        if usable is not None:
+            x, y = np.clip(np.round(points), 0, np.array(frame.colour.size) - 1).astype(int).T
+            points, descriptors = points[usable[y, x] > 0], descriptors[usable[y, x] > 0]
+        self.points, self.descriptors = points, descriptors
 
     def find(self, frame: Observation) -> Array | None:
         """The homography (3, 3), reference frame to this one, that the matches agree on; None where they do not."""

@@ -42,7 +42,7 @@ class PoseModel:
     # translation, perspective. Of one that is given:
     given_deviation_px: tuple[float, ...] = (0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15, 0.15)
     # By which the target moves in a frame in which nothing tells how:
-    drift_deviation_px: tuple[float, ...] = (1.0, 1.0, 3.0, 1.0, 1.0, 3.0, 0.5, 0.5)
+    drift_deviation_px: tuple[float, ...] = (0.4, 0.4, 1.0, 0.4, 0.4, 1.0, 0.2, 0.2)
     # Growth of a measured pose's variance to the next frame: errors of neighbouring frames are much the same, so that
     # many of them make a pose less sure than they would if each erred on its own.
     forgetting: float = 1.6
@@ -61,7 +61,7 @@ class Target:
         quad: (4, 2) its corners in the reference frame, px.
         proposer: HDN's stages.
         refiner: photometric refinement.
-        redetector: its keypoints, and those of the plane around it.
+        redetector: its keypoints.
         plane: what surrounds it on the same plane; it learns.
         occlusion, occlusion_around: what is seen of the target, and of the plane.
         region: where on its plane tracking may look.
@@ -84,13 +84,14 @@ class Target:
     ) -> "Target":
         """Takes a target (4, 2) in the reference frame."""
         width, height = frame.colour.size
-        refiner = Refiner(frame, quad, None if region.is_everywhere else region.mask(width, height))
+        usable = None if region.is_everywhere else region.mask(width, height)
+        refiner = Refiner(frame, quad, usable)
         plane = PlaneMap(frame, quad, refiner.standard_side, region)
         return cls(
             quad,
             Proposer(engine, frame, quad, stages),
             refiner,
-            Redetector(frame, quad),
+            Redetector(frame, quad, usable),
             plane,
             Occlusion(engine, frame, quad, PARTS),
             Occlusion(engine, frame, plane.corners, plane.level.cells),

@@ -8,7 +8,6 @@ from hdn.evidence import Evidence, is_fix
 from hdn.imaging.arrays import Image
 from hdn.imaging.homography import from_corners
 from hdn.networks.engine import Engine
-from hdn.tracker import MODEL
 
 from .scenes import Scene, error, moved, path
 
@@ -55,19 +54,30 @@ def test_large_jumps_need_the_networks(
     assert error(estimate.corners, truth) < 1.0
 
 
-def test_stays_put_then_loses_what_is_gone_and_finds_it_again(tracker: Tracker, scene: Scene) -> None:
+def test_stays_put_while_only_its_wall_is_seen_and_finds_it_again(tracker: Tracker, scene: Scene) -> None:
     here = moved(scene.quad, (4, 2))
     tracker.track(scene.draw(here))
-    states = []
-    for _ in range(MODEL.hold_frames + 3):
+    for _ in range(30):
         estimate = tracker.track(scene.draw(None))
-        states.append(estimate.state)
+        assert estimate.state == "held"
         assert error(estimate.corners, here) < 1.0
-    assert states == ["held"] * MODEL.hold_frames + ["lost"] * 3
     there = moved(scene.quad, (-60, 30), 0.9, 0.4)
     found = [tracker.track(scene.draw(there)) for _ in range(3)][-1]
     assert found.state == "tracked"
     assert error(found.corners, there) < 1.0
+
+
+def test_holds_some_frames_without_any_sight_then_loses_and_finds_it_again(tracker: Tracker, scene: Scene) -> None:
+    tracker.track(scene.draw(scene.quad))
+    nothing = np.full_like(scene.draw(None), 90)
+    estimates = [tracker.track(nothing) for _ in range(40)]
+    states = [estimate.state for estimate in estimates]
+    held = states.index("lost")
+    assert 5 < held < 40 and states == ["held"] * held + ["lost"] * (40 - held)
+    assert all(np.diff([estimate.deviation for estimate in estimates[:held]]) > 0)
+    assert np.isinf(estimates[-1].deviation) and estimates[-1].covariance is None
+    there = moved(scene.quad, (-60, 30), 0.9, 0.4)
+    assert error([tracker.track(scene.draw(there)) for _ in range(2)][-1].corners, there) < 1.0
 
 
 def test_another_poster_in_its_place_is_not_it(tracker: Tracker, scene: Scene) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from .arrays import Array, Grey
+from .arrays import Array, Floats, Grey
 from .photometry import MAD_TO_DEVIATION, normalise, tukey
 
 
@@ -18,7 +18,7 @@ class BlurModel:
 
     presmoothing_px: float = 1.5  # deviation of the Gaussian over both views: blur of a few px is a small change then
     steps: int = 3  # of Gauss and Newton
-    max_variance_px2: float = 250.0  # the largest that is believed
+    max_variance_px2: float = 250.0  # the largest that is believed: a streak of 55 px
     min_variance_px2: float = 0.05  # below it there is nothing to blur
     pixel_spacing_px: int = 2  # between the pixels that are compared, along x and y
     margin_px: int = 4  # at the edge of the views, where filters do not see enough
@@ -30,7 +30,25 @@ class BlurModel:
     kernel_min_variance_px2: float = 1e-2  # across a line of motion, so that its kernel is not degenerate
 
 
+@dataclass(frozen=True)
+class SpectraModel:
+    """Constants of the comparison of spectra; powers are ratios to that of the noise."""
+
+    noise_rad: float = 2.2  # frequency, rad/px, above which there is nothing but noise
+    max_rad: float = 0.9  # up to which spectra are compared
+    min_periods: float = 2.5  # of a wave in the longer side, for it to be compared: light is slower
+    min_signal: float = 10.0  # of the template, at a frequency that is compared
+    min_soft_signal: float = 4.0  # of the view, at one that a Gaussian is fitted to
+    min_frequencies: int = 30  # that a Gaussian is fitted to; with fewer, no blur is told
+    robust_steps: int = 5  # of reweighting
+    ridge: float = 1e-3  # on the normal equations' diagonal, and on the deviation of the residuals
+    min_streak_px2: float = 3.0  # variance from which a blur is taken for a streak
+    streak_trials: int = 12  # lengths that are tried
+    min_passed: float = 0.3  # share of a frequency's power that a streak leaves, for the gain to be told there
+
+
 MODEL = BlurModel()
+SPECTRA = SpectraModel()
 
 
 def relative_blur(template: Grey, view: Grey, trusted: Grey, window: int, start: Array | None = None) -> Array:
@@ -44,9 +62,10 @@ def relative_blur(template: Grey, view: Grey, trusted: Grey, window: int, start:
         template, view: (h, w) grey.
         trusted: (h, w) 0..1, the pixels that show the target in both.
         window: px, of the local normalisation.
+        start: (2, 2) the covariance that is expected; None is none.
 
     Returns:
-        Zeros where too few pixels are trusted.
+        What was expected where too few pixels are trusted.
     """
     first, second = (cv2.GaussianBlur(image, (0, 0), MODEL.presmoothing_px) for image in (template, view))
     covariance = np.zeros((2, 2)) if start is None else start
@@ -74,53 +93,74 @@ def relative_blur(template: Grey, view: Grey, trusted: Grey, window: int, start:
 
 
 def spectral_blur(template: Grey, view: Grey) -> Array:
-    """Covariance (2, 2), px^2, by which a view is blurrier than a template, whatever their alignment by some px.
+    """Covariance (2, 2), px^2, by which a view is blurrier than a template (h, w), however they are aligned.
 
-    A Gaussian multiplies the spectrum's power at w rad/px by exp(-w C w): the logarithm of the ratio of both powers,
-    smoothed, is linear in the covariance C. Frequencies that are drowned in noise in either do not count.
+    Blur lowers the power of a spectrum, and motion leaves it alone. A Gaussian of covariance C multiplies the power at
+    the frequency w, rad/px, by exp(-w C w): the logarithm of the powers' ratio is a linear fit. A long streak has a
+    spectrum with zeros, though (a sinc), and its length is found by trying.
+
+    Returns:
+        Zeros where too few frequencies stand out from the noise.
     """
-    h, w = template.shape
-    window = np.outer(np.hanning(h), np.hanning(w)).astype(np.float32)
-    powers = []
-    for image in (template, view):
-        spectrum = np.fft.rfft2((image - float((image * window).sum() / window.sum())) * window)
-        powers.append(cv2.blur(np.square(np.abs(np.fft.fftshift(spectrum, 0))).astype(np.float32), (3, 3)))
-    wy = np.fft.fftshift(np.fft.fftfreq(h))[:, None] * 2 * np.pi + np.zeros((h, w // 2 + 1))
-    wx = np.fft.rfftfreq(w)[None] * 2 * np.pi + np.zeros((h, w // 2 + 1))
-    radius = np.hypot(wx, wy)
-    noise = [float(np.median(p[(radius > 2.2)])) for p in powers]
-    low = (radius < 0.9) & (radius > 2.5 * 2 * np.pi / max(w, h))
-    good = low & (powers[0] > 10 * noise[0]) & (powers[1] > 4 * noise[1])
-    if good.sum() < 30:
+    height, width = template.shape
+    window = np.outer(np.hanning(height), np.hanning(width)).astype(np.float32)
+    sharp, soft = _power(template, window), _power(view, window)
+    wx = 2 * np.pi * np.fft.rfftfreq(width)[None] + np.zeros((height, 1))
+    wy = 2 * np.pi * np.fft.fftshift(np.fft.fftfreq(height))[:, None] + np.zeros_like(wx)
+    frequency = np.hypot(wx, wy)
+    sharp_noise, soft_noise = (float(np.median(power[frequency > SPECTRA.noise_rad])) for power in (sharp, soft))
+    lowest = SPECTRA.min_periods * 2 * np.pi / max(width, height)
+    shown = (frequency > lowest) & (frequency < SPECTRA.max_rad) & (sharp > SPECTRA.min_signal * sharp_noise)
+    fitted = shown & (soft > SPECTRA.min_soft_signal * soft_noise)
+    if fitted.sum() < SPECTRA.min_frequencies:
         return np.zeros((2, 2))
-    ratio = np.log(powers[1][good] - noise[1]) - np.log(powers[0][good] - noise[0])
-    x, y = wx[good], wy[good]
-    rows = np.stack([np.ones_like(x), -x * x, -2 * x * y, -y * y], 1)
-    weight = np.ones(len(x))
-    for _ in range(5):
-        weighted = rows * weight[:, None]
-        solution = np.linalg.solve(weighted.T @ rows + 1e-6 * np.eye(4), weighted.T @ ratio)
-        error = ratio - rows @ solution
-        weight = tukey(error / (MAD_TO_DEVIATION * float(np.median(np.abs(error))) + 1e-3))
-    _, xx, xy, yy = solution
+    ratio = np.log(soft[fitted] - soft_noise) - np.log(sharp[fitted] - sharp_noise)
+    x, y = wx[fitted], wy[fitted]
+    _, xx, xy, yy = _robust_fit(np.stack([np.ones_like(x), -x * x, -2 * x * y, -y * y], 1), ratio)
     values, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
     values = np.clip(values, 0, MODEL.max_variance_px2)
-    if values[1] > 3.0:
-        # A long streak has zeros in its spectrum, which no Gaussian has: its length is found by the streak itself.
-        shown = low & (powers[0] > 10 * noise[0])
-        along = np.abs(wx[shown] * axes[0, 1] + wy[shown] * axes[1, 1]) / 2
-        p0, p1 = powers[0][shown] - noise[0], np.log(powers[1][shown])
-        best = np.inf
-        for deviation in np.geomspace(np.sqrt(values[1]), np.sqrt(MODEL.max_variance_px2), 12):
-            gain = np.square(np.sinc(along * deviation * np.sqrt(12) / np.pi))
-            predicted = p0 * gain
-            scale = (
-                float(np.exp(np.median((p1 - np.log(predicted + noise[1]))[gain > 0.3]))) if (gain > 0.3).any() else 1.0
-            )
-            error = float(np.abs(p1 - np.log(scale * predicted + noise[1])).mean())
-            if error < best:
-                best, values[1] = error, deviation**2
+    if values[1] > SPECTRA.min_streak_px2:
+        along = wx[shown] * axes[0, 1] + wy[shown] * axes[1, 1]
+        values[1] = _streak_variance(along, sharp[shown] - sharp_noise, soft[shown], soft_noise, values[1])
     return np.asarray((axes * values) @ axes.T)
+
+
+def _power(image: Grey, window: Grey) -> Floats:
+    """Power spectrum of a windowed image (h, w), smoothed: (h, w // 2 + 1), the rows' frequencies in rising order."""
+    mean = float((image * window).sum() / window.sum())
+    power = np.square(np.abs(np.fft.fftshift(np.fft.rfft2((image - mean) * window), 0)))
+    return np.asarray(cv2.blur(power.astype(np.float32), (3, 3)))
+
+
+def _robust_fit(rows: Array, values: Array) -> Array:
+    """Parameters (p,) for which rows (N, p) times them come nearest to values (N,)."""
+    weight = np.ones(len(values))
+    for _ in range(SPECTRA.robust_steps):
+        weighted = rows * weight[:, None]
+        fit = np.linalg.solve(weighted.T @ rows + SPECTRA.ridge * np.eye(rows.shape[1]), weighted.T @ values)
+        error = values - rows @ fit
+        weight = tukey(error / (MAD_TO_DEVIATION * float(np.median(np.abs(error))) + SPECTRA.ridge))
+    return np.asarray(fit)
+
+
+def _streak_variance(along: Array, sharp: Array, soft: Array, noise: float, least: float) -> float:
+    """Variance, px^2, of the streak that makes one spectrum of another.
+
+    Args:
+        along: (N,) frequencies along the streak, rad/px.
+        sharp, soft: (N,) power without and with the streak; noise: of the latter.
+        least: px^2, the shortest that is tried.
+    """
+    trials = np.geomspace(least, MODEL.max_variance_px2, SPECTRA.streak_trials)
+    lengths = np.sqrt(12 * trials)
+    powers = sharp * np.square(np.sinc(np.outer(lengths, along) / (2 * np.pi)))
+    passed = powers > SPECTRA.min_passed * sharp
+    error = np.full(len(trials), np.inf)
+    for i, (power, known) in enumerate(zip(powers, passed, strict=True)):
+        if known.any():
+            gain = np.exp(np.median(np.log(soft[known]) - np.log(power[known] + noise)))
+            error[i] = np.abs(np.log(soft) - np.log(gain * power + noise)).mean()
+    return float(trials[error.argmin()])
 
 
 def equalising_blurs(relative: Array) -> tuple[Array, Array]:
