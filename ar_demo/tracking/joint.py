@@ -1,18 +1,20 @@
 """One estimate of a surface's corners in all frames of a shot, from everything that was measured in it.
 
-The unknowns are the corners x_k (8,) of each frame k: x0, y0, x1, y1, ..., px. Four kinds of terms hold them:
+The unknowns are the corners x_k (8,) of each frame k: x0, y0, x1, y1, ..., px. Five kinds of terms hold them:
 
-- *absolute*: a tracker's corners z_k with their covariance. Its errors e_k = z_k - x_k last: they go on from frame to
-  frame as a first-order autoregression, corr(e_k, e_k+1) = p, which is the sum of terms in e_k and of *relative* terms in
-  e_k+1 - e_k. So the error that a hand or a shadow causes arises, and goes, where the uncertainty does.
-- *steps*: x_k+1 = H_k(x_k), the motion measured from frame to frame.
+- *absolute*: a tracker's corners z_k with their covariance. Its errors e_k = z_k - x_k last: they are a first-order
+  autoregression, whose likelihood is a sum of terms in e_k and of
+- *relative* terms in e_k+1 - e_k. So the error that a hand or a shadow causes arises, and goes, where the uncertainty
+  does, or where the corners leap.
+- *steps*: x_k+1 = H_k(x_k), the motion measured from frame to frame; as sure as they prove where a tracker is.
 - *motion*: the second difference of the corners, mode by mode, is as small as the clip shows (see `motion.py`), but for
   frames in which the measurements show more.
 - *given*: corners set by hand.
 
-Absolute terms and steps may be wrong: each has the robust cost of Geman and McClure, and graduated non-convexity (Black and
-Rangarajan, 1996; Yang et al., 2020) finds which are, by reweighted least squares. Several ways through a frame share its
-picture and so their errors: together they weigh as much as one, in the proportions in which they agree with all else.
+Absolute terms and steps may be wrong: each has the robust cost of Geman and McClure, and graduated non-convexity (Black
+and Rangarajan, 1996; Yang et al., 2020) finds which are, by reweighted least squares. Several ways through a frame
+share its picture and so their errors: together they weigh as much as one, in the proportions in which they agree with
+all else.
 """
 
 from dataclasses import dataclass
@@ -41,6 +43,7 @@ class JointModel:
     # the right ones are below it. A step rests on the picture alone and on no memory, so it yields last.
     absolute_limit: float = 26.0
     step_limit: float = 100.0
+    step_test_frames: int = 16  # over which steps are put together, to see what they are worth
     cooling: float = 2.0  # factor from one round to the next by which the limits, wide at first, become narrower
     last_rounds: int = 4  # with the limits as they are
     longest_memory: float = 0.97  # correlation of a tracker's errors in neighbouring frames, at most
@@ -144,46 +147,76 @@ class Shot:
     def _prepare(self) -> None:
         """Information matrices of all terms, 0 where there is no measurement."""
         z, p, model = self.measured.corners, self.memory, self.model
-        self.seen = np.isfinite(z).all(-1)
+        self.seen: NDArray[np.bool_] = np.asarray(np.isfinite(z).all(-1))
         variance = self.measured.covariance * max(self.motion.noise, 1.0) + model.least_px**2 * np.eye(CORNERS)
         self.information = _inverse(variance, self.seen)
         # An autoregression's terms in e_k: all there is for a lone frame, less for one with a neighbour or with two.
         linked = self.measured.linked & self.seen[:, :-1] & self.seen[:, 1:]
         links = np.pad(linked, ((0, 0), (0, 1))).astype(int) + np.pad(linked, ((0, 0), (1, 0)))
         self.share = np.array([1.0, 1 / (1 + p), (1 - p) / (1 + p)])[links]
-        stepped = np.isfinite(self.measured.steps).all((1, 2)) & np.isfinite(self.measured.step_covariance).all((1, 2))
-        self.step_information = _inverse(
-            self.measured.step_covariance + model.least_px**2 * np.eye(CORNERS), stepped
-        )
+        stepped = np.asarray(np.isfinite(self.measured.step_covariance).all((1, 2)))
         self.steps = np.where(stepped[:, None, None], self.measured.steps, np.eye(3))
-
+        step_variance = _or_zero(self.measured.step_covariance) + model.least_px**2 * np.eye(CORNERS)
+        step_variance *= self._step_scale(stepped, step_variance, variance)
+        self.step_information = _inverse(step_variance, stepped)
         # And those in e_k+1 - e_k. Where the uncertainty changes, the error may change as much; and where the corners
         # leap, by as much as they do.
         deviation = np.sqrt(np.trace(np.where(self.seen[..., None, None], variance, 0), axis1=2, axis2=3) / CORNERS)
         growth = np.square(np.diff(deviation, axis=1))[..., None, None] * np.eye(CORNERS)
         spread = (variance[:, :-1] + variance[:, 1:]) / 2 * (1 - p**2) / p + growth
         self.change = np.where(linked[..., None], np.diff(z, axis=1), 0.0)
-        self.change_information = _inverse(spread + self._leaps(linked, stepped, spread), linked)
+        self.change_information = _inverse(spread + self._leaps(linked, stepped, spread, step_variance), linked)
         self.z = np.where(self.seen[..., None], z, 0.0)
         self.motion_information = self._motion_information(linked, variance)
 
-    def _leaps(self, linked: NDArray[np.bool_], stepped: NDArray[np.bool_], spread: Array) -> Array:
+    def _step_scale(self, stepped: NDArray[np.bool_], step_variance: Array, variance: Array) -> float:
+        """Factor, at least 1, on the steps' covariance: by how much they err, one after the other, where corners are known.
+
+        Steps that follow something else than the surface err alike from frame to frame, which shows after several.
+        """
+        z, n = self.measured.corners, self.n
+        if not stepped.any():
+            return 1.0
+        spread = np.where(
+            self.seen, np.trace(np.where(self.seen[..., None, None], variance, 0), axis1=2, axis2=3), np.inf
+        )
+        best = spread.argmin(0)
+        corners, error = z[best, np.arange(n)], spread.min(0)
+        carried, grown, scales = np.nan_to_num(corners[:-1]), np.zeros(n - 1), [1.0]
+        each = np.trace(step_variance, axis1=1, axis2=2)
+        usable = np.isfinite(error[:-1])
+        for length in range(1, min(self.model.step_test_frames, n - 1) + 1):
+            count = n - length
+            carried = move(self.steps[length - 1 :], carried[:count])[0]
+            grown, usable = grown[:count] + each[length - 1 :], usable[:count] & stepped[length - 1 :]
+            chosen = usable & np.isfinite(error[length:])
+            if chosen.sum() >= self.model.step_test_frames:
+                known = (error[:count] + error[length:])[chosen] * (1 - self.memory**length)
+                off = np.square(carried - corners[length:]).sum(-1)[chosen]
+                scales.append(float(np.median((off - known) / grown[chosen])))
+        return max(scales)
+
+    def _leaps(
+        self, linked: NDArray[np.bool_], stepped: NDArray[np.bool_], spread: Array, step_variance: Array
+    ) -> Array:
         """(p, n - 1, 8, 8) px^2, what a measurement's change from a frame to the next may be wrong by, for all to see.
 
         It is compared with the step, or where there is none with the changes before and after, the more alike counting:
         so a leap shows, and not where motion sets in.
         """
         z, change = self.measured.corners, self.change
-        moved = _move(self.steps, np.where(np.isfinite(z), z, 0.0)[:, :-1])[0] if stepped.any() else z[:, :-1]
+        moved = move(self.steps, np.where(np.isfinite(z), z, 0.0)[:, :-1])[0] if stepped.any() else z[:, :-1]
         unlike_step = np.where((linked & stepped)[..., None], z[:, 1:] - moved, 0.0)
         bend = np.where((linked[:, :-1] & linked[:, 1:])[..., None], np.diff(change, axis=1), 0.0)
         before, after = np.pad(bend, ((0, 0), (1, 0), (0, 0))), np.pad(bend, ((0, 0), (0, 1), (0, 0)))
         is_before = np.square(before).sum(-1) < np.square(after).sum(-1)
         unlike_motion = np.where(is_before[..., None], before, after)
         excess = np.where(stepped[:, None], unlike_step, unlike_motion)
-        expected = np.where(stepped[:, None, None], _or_zero(self.measured.step_covariance), in_corners(self.motion.variance))
+        expected = np.where(stepped[:, None, None], step_variance, in_corners(self.motion.variance))
         square = _square(excess, _inverse(spread + expected, linked))
-        return (square > self.model.leap_limit)[..., None, None] * (np.square(excess).mean(-1)[..., None, None] * np.eye(CORNERS))
+        return (square > self.model.leap_limit)[..., None, None] * (
+            np.square(excess).mean(-1)[..., None, None] * np.eye(CORNERS)
+        )
 
     def _motion_information(self, linked: NDArray[np.bool_], variance: Array) -> Array:
         """(n - 2, 8, 8) of the second difference; a mode that bends more in all measurements is expected to."""
@@ -211,7 +244,7 @@ class Shot:
         """Squared Mahalanobis distances of the absolute, relative and step terms."""
         error = self.z - x
         change = self.change - np.diff(x, axis=0)
-        moved, _ = _move(self.steps, x[:-1])
+        moved, _ = move(self.steps, x[:-1])
         return (
             _square(error, self.information),
             _square(change, self.change_information),
@@ -251,7 +284,7 @@ class Shot:
         system.right[:-1] -= told
         system.right[1:] += told
 
-        moved, slope = _move(self.steps, x[:-1])
+        moved, slope = move(self.steps, x[:-1])
         held = steps[:, None, None] * self.step_information
         told = _times(held, moved - x[1:])
         back = np.swapaxes(slope, 1, 2)
@@ -272,7 +305,7 @@ class Shot:
         return system
 
 
-def _move(homographies: Array, corners: Array) -> tuple[Array, Array]:
+def move(homographies: Array, corners: Array) -> tuple[Array, Array]:
     """Corners (..., n, 8) moved by homographies (n, 3, 3), and the derivative (..., n, 8, 8)."""
     xy = corners.reshape(*corners.shape[:-1], 4, 2)
     h = np.einsum("nij,...ncj->...nci", homographies[:, :, :2], xy) + homographies[:, None, :, 2]
@@ -305,7 +338,7 @@ def _times(matrix: Array, vector: Array) -> Array:
 
 
 def _proportions(square: Array, information: Array, heat: float) -> Array:
-    """(p, n) in which alternatives count, sum 1 in each frame: by their likelihood, the more alike the greater the heat."""
+    """(p, n) shares of alternatives, sum 1 in each frame: by their likelihood, the more alike the greater the heat."""
     known = information[..., 0, 0] > 0
     volume = np.linalg.slogdet(np.where(known[..., None, None], information, np.eye(CORNERS)))[1]
     log = np.where(known, (volume - square) / (2 * heat), -np.inf)

@@ -47,7 +47,7 @@ class Motion:
 
 def in_corners(variance: Array) -> Array:
     """The covariance (..., 8, 8) of x0, y0, x1, ... whose modes have these variances (..., 4)."""
-    return np.kron((MODES.T * variance[..., None, :]) @ MODES, np.eye(2))
+    return np.asarray(np.kron((MODES.T * variance[..., None, :]) @ MODES, np.eye(2)), np.float64)
 
 
 def estimate_motion(corners: Array, covariance: Array, model: MotionModel = MODEL) -> Motion:
@@ -102,7 +102,8 @@ class _Fits:
         after[1 : n - 1] -= 2 * stiffness
         second[: n - 2] += stiffness
         weighed = np.broadcast_to((weight[..., None] * values)[:, None, :, None], (n, r, 4, 1, 2))
-        found = solve_wide(*(b[..., None, None] for b in (own, after, second)), weighed)
+        own, after, second = (blocks[..., None, None] for blocks in (own, after, second))
+        found = solve_wide(own, after, second, weighed)
 
         seen = weight[:, 0] > 0
         self.weight = weight[seen, None]  # (s, 1, 4)
