@@ -36,11 +36,12 @@ def solve(diagonal: Array, beside: Array, right: Array) -> Inverse:
         right: (n, ..., m, c).
     """
     n, m = len(diagonal), diagonal.shape[-1]
-    own = np.linalg.inv(diagonal[1::2])
-    log_determinant = np.linalg.slogdet(diagonal[1::2])[1].sum(0)
+    own = np.asarray(np.linalg.inv(diagonal[1::2]), np.float64)
+    log_determinant = np.asarray(np.linalg.slogdet(diagonal[1::2])[1].sum(0), np.float64)
     if n == 1:
-        covariance = np.linalg.inv(diagonal)
-        return Inverse(covariance @ right, covariance, beside, np.linalg.slogdet(diagonal)[1].sum(0))
+        covariance = np.asarray(np.linalg.inv(diagonal), np.float64)
+        log_determinant = np.asarray(np.linalg.slogdet(diagonal)[1][0], np.float64)
+        return Inverse(covariance @ right, covariance, beside, log_determinant)
 
     # The odd blocks as functions of their neighbours: x = share + gain @ (x before, x after).
     before = np.swapaxes(beside[0::2], -1, -2)

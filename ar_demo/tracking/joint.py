@@ -17,7 +17,7 @@ share its picture and so their errors: together they weigh as much as one, in th
 all else.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,12 +37,17 @@ class JointModel:
     # Squared Mahalanobis distance from which a leap of the measurements counts as an error that arises there or ends.
     leap_limit: float = 50.0
     bend_limit: float = 10.0  # the like for a mode, of two numbers; as a mean of their squares
+    # Standard deviation that is granted to corners before they count for less, and before they are told to be wrong:
+    # what they are measured from is set by hand and no surer, and less is hardly seen.
+    agreement_px: float = 0.5
+    told_px: float = 1.5
     given_px: float = 0.01  # standard deviation of corners set by hand
+    bridging: float = 1e-4  # factor on the motion's term in gaps, where it is to bridge them and no more
     least_px: float = 0.03  # standard deviation that each measured coordinate has at least: no tracker is surer
     # Squared Mahalanobis distance of eight numbers at which a term has lost three quarters of its weight: 99.9 % of
     # the right ones are below it. A step rests on the picture alone and on no memory, so it yields last.
     absolute_limit: float = 26.0
-    step_limit: float = 100.0
+    step_limit: float = 1000.0
     step_test_frames: int = 16  # over which steps are put together, to see what they are worth
     cooling: float = 2.0  # factor from one round to the next by which the limits, wide at first, become narrower
     last_rounds: int = 4  # with the limits as they are
@@ -80,7 +85,7 @@ class Solution:
 
     Attributes:
         corners: (n, 8) px. covariance: (n, 8, 8) px^2.
-        weight: (p, n) 0..1 of each measurement: how well it agrees with all else.
+        weight: (p, n) 0..1 of each measurement: how well it agrees with all else; 0 where there is none.
     """
 
     corners: Array
@@ -117,24 +122,31 @@ class Shot:
     def solve(self, strength: float = 1.0) -> Solution:
         """Args:
         strength: of the motion's term, a factor on how sure it is; 0 leaves it to frames without a good measurement.
+            What is told of the corners' certainty does not depend on it.
         """
-        x = self._start()
+        x, usual = self._start(), np.ones(self.n - 2)
+        x = x + self._assemble(x, self._weights(self._distances(x), np.inf), usual).solve()[0]
         squares = self._distances(x)
         hottest = max(float(squares[i].max(initial=0)) / limit for i, limit in zip((0, 2), self._limits, strict=True))
         rounds = int(np.ceil(np.log(max(hottest, 1)) / np.log(self.model.cooling)))
         for heat in [*self.model.cooling ** np.arange(rounds, 0, -1), *[1.0] * self.model.last_rounds]:
             weights = self._weights(squares, heat)
-            x = x + self._assemble(x, weights, np.ones(max(self.n - 2, 0))).solve()[0]
+            x = x + self._assemble(x, weights, usual).solve()[0]
             squares = self._distances(x)
         weights = self._weights(squares, 1.0)
-        believed = weights[0] * (self._robust(squares[0], self.model.absolute_limit) > self.model.wrong_weight)
-        smoothing = np.full(max(self.n - 2, 0), strength**2)
-        if self.n > 2:
-            seen = believed.sum(0) > self.model.wrong_weight
-            smoothing[~(seen[:-2] & seen[1:-1] & seen[2:])] = max(strength**2, 1.0)
-        change, covariance = self._assemble(x, weights, smoothing).solve()
-        x = x + change
-        return Solution(x, covariance, self._robust(self._distances(x)[0], self.model.absolute_limit))
+        change, covariance = self._assemble(x, weights, usual).solve()
+        found = Solution(x + change, covariance, self._told(x + change))
+        if strength == 1 or self.n < 3:
+            return found
+        seen = (found.weight > self.model.wrong_weight).any(0)
+        around = seen[:-2] & seen[1:-1] & seen[2:]
+        smoothing = np.where(around, strength**2, max(strength**2, self.model.bridging))
+        return replace(found, corners=x + self._assemble(x, weights, smoothing).solve()[0])
+
+    def _told(self, x: Array) -> Array:
+        """(p, n) how well each measurement agrees with corners (n, 8)."""
+        granted = self.measured.covariance + self.model.told_px**2 * np.eye(CORNERS)
+        return self._robust(_square(self.z - x, _inverse(granted, self.seen)), self.model.absolute_limit) * self.seen
 
     @property
     def n(self) -> int:
@@ -150,6 +162,7 @@ class Shot:
         self.seen: NDArray[np.bool_] = np.asarray(np.isfinite(z).all(-1))
         variance = self.measured.covariance * max(self.motion.noise, 1.0) + model.least_px**2 * np.eye(CORNERS)
         self.information = _inverse(variance, self.seen)
+        self.agreement = _inverse(variance + model.agreement_px**2 * np.eye(CORNERS), self.seen)
         # An autoregression's terms in e_k: all there is for a lone frame, less for one with a neighbour or with two.
         linked = self.measured.linked & self.seen[:, :-1] & self.seen[:, 1:]
         links = np.pad(linked, ((0, 0), (0, 1))).astype(int) + np.pad(linked, ((0, 0), (1, 0)))
@@ -170,7 +183,7 @@ class Shot:
         self.motion_information = self._motion_information(linked, variance)
 
     def _step_scale(self, stepped: NDArray[np.bool_], step_variance: Array, variance: Array) -> float:
-        """Factor, at least 1, on the steps' covariance: by how much they err, one after the other, where corners are known.
+        """Factor, at least 1, on the steps' covariance: by how much a row of them errs where the corners are known.
 
         Steps that follow something else than the surface err alike from frame to frame, which shows after several.
         """
@@ -225,7 +238,7 @@ class Shot:
         square = np.square(np.einsum("mc,pncx->pnmx", MODES, bend.reshape(*bend.shape[:2], 4, 2))).sum(-1) / 2
         jitter = np.trace(variance[:, :-2] + 4 * variance[:, 1:-1] + variance[:, 2:], axis1=2, axis2=3) / CORNERS
         jitter = np.where(known, jitter * min(self.motion.noise, 1.0), np.inf)[..., None]
-        is_more = (square > self.model.bend_limit * (usual + jitter)) | ~known[..., None]
+        is_more = np.asarray((square > self.model.bend_limit * (usual + jitter)) | ~known[..., None])
         least = np.where(known[..., None], square, np.inf).min(0)
         return in_corners(1 / (usual + np.where(is_more.all(0) & known.any(0)[:, None], least, 0.0)))
 
@@ -246,7 +259,7 @@ class Shot:
         change = self.change - np.diff(x, axis=0)
         moved, _ = move(self.steps, x[:-1])
         return (
-            _square(error, self.information),
+            _square(error, self.agreement),
             _square(change, self.change_information),
             _square(x[1:] - moved, self.step_information),
         )
@@ -259,7 +272,7 @@ class Shot:
             self._robust(square, limit, heat)
             for square, limit in zip((squares[0], squares[2]), self._limits, strict=True)
         )
-        share = _proportions(squares[0], self.information, heat)
+        share = _proportions(squares[0], self.agreement, heat)
         return absolute * share, _proportions(squares[1], self.change_information, heat), steps
 
     def _assemble(self, x: Array, weights: tuple[Array, Array, Array], smoothing: Array) -> _System:

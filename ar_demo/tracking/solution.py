@@ -78,7 +78,7 @@ def solve(
         between[start + known[0] : start + known[-1] + 1] = True
 
     believed = weight > JOINT.wrong_weight
-    agrees = (believed & (record.states == TRACKED)).any(0)[:n]
+    agrees = np.asarray((believed & (record.states == TRACKED)).any(0)[:n])
     followed = between | ((record.states == TRACKED) | (record.states == HELD)).any(0)[:n]
     solved = np.asarray(np.isfinite(corners).all((1, 2)))
     states = judged(
