@@ -87,9 +87,7 @@ class Session(AbstractContextManager["Session"]):
         new = [surface for surface in surfaces if surface.track is None]
         measured = iter(self._passes(options).track(new) if new else [])
         return [
-            changed(
-                surface, quad=None, snap=False, start=FIRST, region=None, exclude=(), track=next(measured)
-            )
+            changed(surface, quad=None, snap=False, start=FIRST, region=None, exclude=(), track=next(measured))
             if surface.track is None
             else changed(surface, track=self._corrected(surface, surface.track, options))
             for surface in surfaces

@@ -138,7 +138,7 @@ class Shot:
         found = Solution(x + change, covariance, self._told(x + change))
         if strength == 1 or self.n < 3:
             return found
-        seen = (found.weight > self.model.wrong_weight).any(0)
+        seen = _any(found.weight > self.model.wrong_weight)
         around = seen[:-2] & seen[1:-1] & seen[2:]
         smoothing = np.where(around, strength**2, max(strength**2, self.model.bridging))
         return replace(found, corners=x + self._assemble(x, weights, smoothing).solve()[0])
@@ -238,9 +238,9 @@ class Shot:
         square = np.square(np.einsum("mc,pncx->pnmx", MODES, bend.reshape(*bend.shape[:2], 4, 2))).sum(-1) / 2
         jitter = np.trace(variance[:, :-2] + 4 * variance[:, 1:-1] + variance[:, 2:], axis1=2, axis2=3) / CORNERS
         jitter = np.where(known, jitter * min(self.motion.noise, 1.0), np.inf)[..., None]
-        is_more = np.asarray((square > self.model.bend_limit * (usual + jitter)) | ~known[..., None])
+        is_less = square <= self.model.bend_limit * (usual + jitter)
         least = np.where(known[..., None], square, np.inf).min(0)
-        return in_corners(1 / (usual + np.where(is_more.all(0) & known.any(0)[:, None], least, 0.0)))
+        return in_corners(1 / (usual + np.where(_any(known)[:, None] & ~_any(is_less & known[..., None]), least, 0.0)))
 
     def _start(self) -> Array:
         """(n, 8) corners to begin with: the measurements weighed by their certainty, in gaps between them."""
@@ -329,6 +329,11 @@ def move(homographies: Array, corners: Array) -> tuple[Array, Array]:
     for c in range(4):
         full[..., c, :, c, :] = slope[..., c, :, :]
     return to.reshape(corners.shape), full.reshape(*corners.shape, CORNERS)
+
+
+def _any(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether any way says so."""
+    return np.asarray(flags.any(0))
 
 
 def _or_zero(values: Array) -> Array:

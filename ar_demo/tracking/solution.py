@@ -106,7 +106,7 @@ def is_uncertain(track: Track) -> bool:
 
 def _known(track: Track, record: Record, n: int) -> NDArray[np.bool_]:
     """(n,) whether anything was measured in a frame, or its corners are given."""
-    known = record.measured.any(0)[:n]
+    known = np.asarray(record.measured.any(0))[:n]
     known[[i for i in track.given if i < n]] = True
     return known
 

@@ -40,6 +40,7 @@ def test_near_stretches_make_one_warning_and_moments_none() -> None:
     disagrees = np.zeros(300, bool)
     told = suspicions(states.tolist(), disagrees)
     assert [warning.split(":")[0] for warning in told] == ["frames 100 to 129", "frames 200 to 219"]
-    assert "hardly seen" in told[0] and "not found" in told[1]
+    assert "hardly seen" in told[0]
+    assert "not found" in told[1]
     disagrees[100:130] = True
     assert "contradicts" in suspicions(states.tolist(), disagrees)[0]
