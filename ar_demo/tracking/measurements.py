@@ -12,6 +12,7 @@ from hdn.state import STATES
 
 from ..tracks import Track
 from .joint import CORNERS, Measurements, move
+from .protocol import Estimate
 from .runs import Run
 
 
@@ -81,7 +82,7 @@ class Record:
         for k, (index, estimate) in enumerate(zip(run.frames, run.estimates, strict=True)):
             self.states[way, index] = STATES.index(estimate.state)
             self.confidence[way, index] = estimate.confidence
-            if estimate.state != "lost" and np.isfinite(estimate.deviation):
+            if _is_measured(estimate):
                 self.corners[way, index] = estimate.corners.reshape(CORNERS)
                 self.covariance[way, index] = _covariance(estimate, estimate.deviation) + _covariance(
                     None, run.template_deviation
@@ -128,6 +129,12 @@ def _ways(runs: Iterable[Run]) -> list[list[Run]]:
         ways[way].append(run)
         ends[way] = max(run.frames)
     return ways
+
+
+def _is_measured(estimate: Estimate) -> bool:
+    """Whether the frame tells where the corners are: held ones may be no more than expected."""
+    is_expected = estimate.state == "held" and getattr(estimate, "covariance", ()) is None
+    return estimate.state != "lost" and bool(np.isfinite(estimate.deviation)) and not is_expected
 
 
 def _covariance(estimate: object, deviation: float) -> Array:
