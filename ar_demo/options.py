@@ -14,7 +14,7 @@ class TrackingOptions:
 
     Attributes:
         end: the last frame; later ones are left out of track and output.
-        smooth: 0 leaves the track as it was measured; 1 smooths by the noise that it shows; more is stronger.
+        smooth: 1 takes motion for as smooth as the clip shows; more for smoother; 0 for anything, but in gaps.
         device: what runs the networks.
         weights: another weights file than the shipped one.
 

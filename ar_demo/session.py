@@ -24,7 +24,6 @@ from .surface import FIRST, Surface
 from .tracking.corrections import needs_correction
 from .tracking.passes import Passes
 from .tracking.protocol import MakeTracker, hdn_trackers
-from .tracking.smoothing import smooth
 from .tracks import Track
 
 log = logging.getLogger(__name__)
@@ -69,7 +68,7 @@ class Session(AbstractContextManager["Session"]):
         self._stop.set()
 
     def track(self, surfaces: Sequence[Surface], options: TrackingOptions | None = None) -> list[Surface]:
-        """The surfaces with their tracks, smoothed as the options say.
+        """The surfaces with their tracks, as smooth as the options say.
 
         Those without one are tracked, all in one pass over the video; a track that does not pass through all of its
         keyframes is tracked anew next to these, and stays as it is elsewhere.
@@ -88,15 +87,7 @@ class Session(AbstractContextManager["Session"]):
         new = [surface for surface in surfaces if surface.track is None]
         measured = iter(self._passes(options).track(new) if new else [])
         return [
-            changed(
-                surface,
-                quad=None,
-                snap=False,
-                start=FIRST,
-                region=None,
-                exclude=(),
-                track=smooth(next(measured), options.smooth),
-            )
+            changed(surface, quad=None, snap=False, start=FIRST, region=None, exclude=(), track=next(measured))
             if surface.track is None
             else changed(surface, track=self._corrected(surface, surface.track, options))
             for surface in surfaces
@@ -205,8 +196,7 @@ class Session(AbstractContextManager["Session"]):
     def _corrected(self, surface: Surface, track: Track, options: TrackingOptions) -> Track:
         if not needs_correction(track, surface.keyframes):
             return track
-        corrected, anew = self._passes(options).correct(track, surface.keyframes)
-        return smooth(corrected, options.smooth, anew)
+        return self._passes(options).correct(track, surface.keyframes)
 
     def _numbered_rightly(self, work: Callable[[], T]) -> T:
         """What the work gives; it starts over where the file's packets proved to number its frames wrongly."""

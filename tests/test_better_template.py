@@ -1,7 +1,6 @@
 """The second pass: what is learnt from views that are better than the first, and that nothing is where it cannot be."""
 
 from collections.abc import Callable
-from fractions import Fraction
 from pathlib import Path
 
 import cv2
@@ -13,8 +12,7 @@ from ar_demo.pipeline import track
 from ar_demo.progress import Progress
 from ar_demo.surface import Surface
 from ar_demo.tracking.passes import Passes
-from ar_demo.tracking.runs import blank, blend, join
-from ar_demo.tracks import Source, Track
+from ar_demo.tracks import Track
 from hdn import Observation, Tracker
 from hdn.better_template import MODEL, BetterTemplate, TemplateBuilder
 from hdn.evidence import Evidence
@@ -168,22 +166,3 @@ def test_a_good_first_view_costs_no_second_pass(
     assert set(stages) == {"track"}
     assert once.states == twice.states
     np.testing.assert_allclose(twice.corners, once.corners, atol=1e-3)
-
-
-def test_a_second_track_replaces_what_it_knows_much_better() -> None:
-    times = [Fraction(i, 30) for i in range(5)]
-    tracks = [blank(Source("a.mp4", 320, 240, Fraction(30), 5), 0, SCENE.quad, times, {}) for _ in range(2)]
-    states: list[tuple[State, State]] = [
-        ("tracked", "tracked"),
-        ("tracked", "tracked"),
-        ("lost", "held"),
-        ("tracked", "held"),
-    ]
-    deviations = [(2.0, 0.9), (2.0, 1.1), (np.inf, 3.0), (2.0, 0.1)]
-    for k, track_ in enumerate(tracks):
-        for i, (state, deviation) in enumerate(zip(states, deviations, strict=True), 1):
-            blend(track_, i, SCENE.quad + k, 0.5, deviation[k], 1.0)
-            track_.states[i] = state[k]
-    join(*tracks)
-    assert [float(corners[0, 0] - SCENE.quad[0, 0]) for corners in tracks[0].corners] == [0, 1, 0, 1, 0]
-    assert tracks[0].states == ["tracked", "tracked", "tracked", "held", "tracked"]

@@ -207,7 +207,7 @@ def test_starts_over_where_frames_were_numbered_wrongly(
         surface = Surface(quad=quad)
         if method == "correct":
             [tracked] = session.track([surface])
-            surface = replace(tracked, keyframes=(Keyframe(Moment(frame=5), quad + 3),))
+            surface = replace(tracked, keyframes=(Keyframe(Moment(frame=5), quad + 1),))
         monkeypatch.setattr(Passes, method, once_wrong)
         [found] = session.track([surface])
     assert len(tried) == 2

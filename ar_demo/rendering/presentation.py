@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from hdn.imaging.arrays import Array
 
 from ..surface import Surface
-from ..tracking.smoothing import segments
+from ..tracking.segments import segments
 from ..tracks import Track
 
 FADE_SECONDS = 0.25  # that the ad takes to go and to come back

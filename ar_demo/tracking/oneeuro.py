@@ -10,7 +10,7 @@ import numpy as np
 
 from hdn.imaging.arrays import Array
 
-from .smoothing import MODES
+from .motion import MODES
 
 
 @dataclass(frozen=True)

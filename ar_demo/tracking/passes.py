@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 
 import numpy as np
@@ -25,8 +25,8 @@ from ..tracks import Source, Track
 from .corrections import merged_keyframes, not_passed
 from .moments import keyframes_of, starts, until
 from .protocol import MakeTracker, PlanarTracker
-from .runs import Run, backward_runs, blank, bridge, clear, fix, forward_runs, gap_runs, is_uncertain, join, lay
-from .smoothing import segments
+from .runs import Run, backward_runs, fixes_of, forward_runs, gap_runs
+from .solution import blank, is_uncertain, solve
 from .sweep import Follower, backward_stretches, sweep
 
 log = logging.getLogger(__name__)
@@ -42,6 +42,7 @@ class Target:
         keyframes: corners (4, 2) given in other frames, by index.
         builder: puts a better template together from the target's good views; None where none is to be.
         track: what is known so far.
+        runs: that went through the video.
         region: where tracking may look, in the reference frame.
     """
 
@@ -53,6 +54,7 @@ class Target:
     builder: TemplateBuilder | None = None
     track: Track | None = None
     region: Region = EVERYWHERE
+    runs: list[Run] = field(default_factory=list)
 
     @property
     def given(self) -> dict[int, Array]:
@@ -92,7 +94,7 @@ class Passes:
         """Tracks surfaces from their quads, from the video's first frame to `options.end`.
 
         Returns:
-            The tracks as measured, not yet smoothed.
+            The tracks: the joint solution of all that was measured.
 
         Raises:
             InputError: no quad or an impossible one, a frame named that is beyond the end.
@@ -104,19 +106,15 @@ class Passes:
         self._both_ways(targets)
         self._again(targets)
         for target in targets:
-            bridge(target.known, range(len(target.known)))
-            target.known.warnings = list(self.reader.warnings)
+            target.known.warnings = [*self.reader.warnings, *target.known.warnings]
             target.known.region = target.region
         return [target.known for target in targets]
 
-    def correct(self, track: Track, keyframes: Sequence[Keyframe]) -> tuple[Track, np.ndarray]:
+    def correct(self, track: Track, keyframes: Sequence[Keyframe]) -> Track:
         """A track with keyframes put in: tracked anew next to the keyframes that are new to it; see `needs_correction`.
 
-        From the keyframe or reference frame before such a one to that after it the surface is tracked anew; all else
-        is kept.
-
-        Returns:
-            The track, and which of its frames (N,) were tracked anew, not yet smoothed.
+        From the keyframe or reference frame before such a one to that after it the surface is tracked anew, and solved
+        for together with what the track says; all else is kept.
 
         Raises:
             InputError: a keyframe is not possible.
@@ -136,19 +134,15 @@ class Passes:
 
         target = Target(self.make_tracker(), track.quad, start, track.quad, track.keyframes, track=track)
         target.tracker.init(self._observation(start), track.quad, track.region)
-        clear(track, [i for i in np.flatnonzero(anew).tolist() if i not in track.given])
-        fix(track, changed)
         self.cuts = set(track.cuts)
         if forward:
             first, last = forward[0].anchor, max(n - 1 if run.stop is None else run.stop for run in forward)
             self._forward([target], [forward], first, last + 1, "track")
-        for run in forward:
-            lay(track, run)
         self._back([target], [forward], [back])
-        for low, high in segments(anew.tolist()):
-            bridge(track, range(low, high))
-        track.warnings = list(dict.fromkeys([*track.warnings, *self.reader.warnings]))
-        return track, anew
+        track.cuts = sorted(self.cuts)
+        solve(track, target.runs, self.options.smooth, anew)
+        track.warnings = list(dict.fromkeys([*self.reader.warnings, *track.warnings]))
+        return track
 
     def _targets(self, surfaces: Sequence[Surface]) -> list[Target]:
         found = starts(self.reader, surfaces, self.options.end, self.stop)
@@ -178,16 +172,17 @@ class Passes:
         info, times = self.reader.info, self.reader.times[:length]
         path, mark = str(self.reader.path), self.reader.fingerprint(length)
         source = Source(path, info.width, info.height, info.rate, length, mark)
-        for target, runs in zip(targets, forward, strict=True):
+        for target in targets:
             target.track = blank(source, target.start, target.quad, list(times), target.keyframes)
-            for run in runs:
-                lay(target.track, run)
         self._back(targets, forward, [backward_runs(target.given) for target in targets], prefix)
+        for target in targets:
+            target.known.cuts = sorted(self.cuts)
+            solve(target.known, target.runs, self.options.smooth)
 
     def _again(self, targets: Sequence[Target]) -> None:
         """Tracks again what is uncertain and was seen more clearly later than at first, with a template made of that.
 
-        It goes from the frame that shows the target best; a pose that is more certain then replaces the one there.
+        It goes from the frame that shows the target best, whose pose was measured, and is no surer than that.
         """
         old: list[Target] = []
         new: list[Target] = []
@@ -204,12 +199,12 @@ class Passes:
         log.info("tracking again, with a template of what was seen more clearly after the reference frame")
         self._both_ways(new, "again: ")
         for target, other in zip(old, new, strict=True):
-            # The pose it began with was measured as well, and as surely as the one beside it.
-            beside = other.start + (1 if other.start + 1 < len(other.known) else -1)
-            for values in (other.known.confidence, other.known.deviation):
-                values[other.start] = values[beside]
-            join(target.known, other.known)
+            deviation = float(target.known.deviation[other.start])
+            for run in other.runs:
+                run.template_deviation = deviation if np.isfinite(deviation) else 0.0
+            target.runs += other.runs
             target.known.cuts = other.known.cuts
+            solve(target.known, target.runs, self.options.smooth)
 
     def _forward(
         self, targets: Sequence[Target], runs: Sequence[Sequence[Run]], first: int, stop: int | None, stage: str
@@ -219,6 +214,8 @@ class Passes:
         Returns:
             Index of the frame after the last that was seen.
         """
+        for target, r in zip(targets, runs, strict=True):
+            target.runs += r
         followers = [target.follower(r) for target, r in zip(targets, runs, strict=True)]
         show = Stage(self.listen, stage, first if stop is None else 0, self._total(first, stop))
         with ahead(self.reader.frames(first, stop)) as read:
@@ -238,9 +235,10 @@ class Passes:
     ) -> None:
         """After the runs forward: those backward, and gaps that they or these leave, looked at from their other end."""
         for target, gone, runs in zip(targets, forward, back, strict=True):
-            track = target.known
             if gone and gone[-1].stop is None:
-                runs += gap_runs(track, max(track.given), len(track) - 1, backward=True)
+                last = len(target.known) - 1
+                runs += gap_runs(fixes_of(target.runs, target.given), max(target.given), last, backward=True)
+            target.runs += runs
         followers = [target.follower(runs) for target, runs in zip(targets, back, strict=True)]
         stretches = backward_stretches(chain.from_iterable(back))
         show = Stage(self.listen, prefix + "track back", 0, sum(high + 1 - low for low, high in stretches))
@@ -249,15 +247,10 @@ class Passes:
                 sweep(self.stop.watch(frames), followers, self.cuts, show)
         gaps = []
         for target, runs in zip(targets, back, strict=True):
-            for run in runs:
-                lay(target.known, run)
-            to_beginning = any(run.end is None for run in runs)
-            gaps.append(gap_runs(target.known, 0, min(target.known.given), backward=False) if to_beginning else [])
+            first = min(target.given)
+            to_beginning = any(run.anchor == first and run.stop == 0 and not run.fills for run in runs)
+            fixes = fixes_of(target.runs, target.given)
+            gaps.append(gap_runs(fixes, 0, first, backward=False) if to_beginning else [])
         if stops := [run.stop or 0 for runs in gaps for run in runs]:
             first = min(run.anchor for runs in gaps for run in runs)
             self._forward(targets, gaps, first, max(stops) + 1, prefix + "fill gaps")
-            for target, runs in zip(targets, gaps, strict=True):
-                for run in runs:
-                    lay(target.known, run)
-        for target in targets:
-            target.known.cuts = sorted(self.cuts)

@@ -15,7 +15,12 @@ log = logging.getLogger(__name__)
 
 
 class Estimate(Protocol):
-    """A tracker's answer for one frame; `hdn.Estimate` is one."""
+    """A tracker's answer for one frame; `hdn.Estimate` is one.
+
+    One may also have `covariance`, (8, 8) px^2 of the corners x0, y0, x1, ..., in place of a deviation that is the same
+    for all of them, and `step`, the motion measured since the frame seen before: its `homography` (3, 3), pixels of
+    that frame to this one's, and the `covariance` (8, 8) px^2 of the corners moved by it; or None.
+    """
 
     @property
     def corners(self) -> Array:

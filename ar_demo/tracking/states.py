@@ -1,0 +1,89 @@
+"""What is told of a solved track: which frames are tracked, held or lost, and which a user had better look at."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdn.imaging.arrays import Array
+from hdn.imaging.quads import is_convex, side
+from hdn.state import State
+
+from .segments import segments
+
+
+@dataclass(frozen=True)
+class JudgementModel:
+    """Bounds of what counts as tracked and held. Lengths are px of a frame 1280 px wide, and scale with its width."""
+
+    # Deviation of tracked corners, as a share of the surface's size, and at least and at most so much of a frame: a
+    # large surface that is off by more is seen to be.
+    tracked_ratio: float = 0.025
+    tracked_least_px: float = 1.0  # of a frame of any width
+    tracked_most_px: float = 3.0
+    held_most_px: float = 8.0
+    least_scale: float = 0.5  # of these bounds, for small frames
+    area_leap: float = 1.5  # ratio by which a held surface's area may differ from what the tracked ones around say
+    worth_telling_frames: int = 8  # of a stretch that is not tracked, for a warning
+    merged_frames: int = 15  # between two stretches, up to which they are told as one
+
+
+MODEL = JudgementModel()
+
+
+def judged(
+    corners: Array, deviation: Array, agrees: NDArray[np.bool_], may_hold: NDArray[np.bool_], width: int
+) -> list[State]:
+    """The states of n frames.
+
+    Args:
+        corners: (n, 4, 2) px. deviation: (n,) px; infinite where nothing is known.
+        agrees: (n,) whether a tracker that was sure agrees with the corners. may_hold: (n,) whether they may be held.
+        width: of the frames, px.
+    """
+    scale = max(width / 1280, MODEL.least_scale)
+    states: list[State] = ["lost"] * len(corners)
+    sizes = np.array([side(c) for c in corners])
+    most = np.clip(
+        MODEL.tracked_ratio * sizes, MODEL.tracked_least_px, max(MODEL.tracked_least_px, MODEL.tracked_most_px * scale)
+    )
+    tracked = agrees & (deviation <= most)
+    held = may_hold & (deviation <= MODEL.held_most_px * scale) & np.array([is_convex(c) for c in corners], bool)
+    if tracked.any():
+        frames = np.arange(len(corners))
+        expected = np.interp(frames, frames[tracked], np.log(sizes[tracked]))
+        held &= np.abs(2 * (np.log(np.maximum(sizes, 1e-9)) - expected)) < np.log(MODEL.area_leap)
+    for i in np.flatnonzero(tracked | held):
+        states[i] = "tracked" if tracked[i] else "held"
+    return states
+
+
+def suspicions(states: Sequence[State], disagrees: NDArray[np.bool_]) -> list[str]:
+    """Warnings, one for each stretch that is not tracked and not just a moment.
+
+    Args:
+        states: of n frames.
+        disagrees: (n,) whether a tracker that was sure says otherwise than the track.
+    """
+    told = []
+    doubtful = [state != "tracked" for state in states]
+    stretches: list[tuple[int, int]] = []
+    for start, stop in segments(doubtful):
+        if stretches and start - stretches[-1][1] <= MODEL.merged_frames:
+            stretches[-1] = stretches[-1][0], stop
+        else:
+            stretches.append((start, stop))
+    for start, stop in stretches:
+        if sum(doubtful[start:stop]) < MODEL.worth_telling_frames:
+            continue
+        frames = f"frames {start} to {stop - 1}: "
+        if disagrees[start:stop].mean() > 0.5:
+            told.append(
+                frames + "what was measured contradicts the frames around; check them, or give a keyframe there"
+            )
+        elif all(state == "lost" for state in states[start:stop]):
+            told.append(frames + "the surface is not found; if it is to be seen, give a keyframe there")
+        else:
+            told.append(frames + "the surface is hardly seen; check them, or give a keyframe there")
+    return told
