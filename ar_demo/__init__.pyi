@@ -7,7 +7,6 @@ from .results import Result
 from .session import Session
 from .surface import Keyframe, Moment, Surface, parse_quad
 from .tracking.protocol import PlanarTracker
-from .tracking.smoothing import smooth
 from .tracks import Track
 
 __all__ = [
@@ -27,6 +26,5 @@ __all__ = [
     "TrackingOptions",
     "parse_quad",
     "replace",
-    "smooth",
     "track",
 ]

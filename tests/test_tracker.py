@@ -73,9 +73,11 @@ def test_holds_some_frames_without_any_sight_then_loses_and_finds_it_again(track
     estimates = [tracker.track(nothing) for _ in range(40)]
     states = [estimate.state for estimate in estimates]
     held = states.index("lost")
-    assert 5 < held < 40 and states == ["held"] * held + ["lost"] * (40 - held)
+    assert 5 < held < 40
+    assert states == ["held"] * held + ["lost"] * (40 - held)
     assert all(np.diff([estimate.deviation for estimate in estimates[:held]]) > 0)
-    assert np.isinf(estimates[-1].deviation) and estimates[-1].covariance is None
+    assert np.isinf(estimates[-1].deviation)
+    assert estimates[-1].covariance is None
     there = moved(scene.quad, (-60, 30), 0.9, 0.4)
     assert error([tracker.track(scene.draw(there)) for _ in range(2)][-1].corners, there) < 1.0
 

@@ -52,6 +52,10 @@ class JointModel:
     cooling: float = 2.0  # factor from one round to the next by which the limits, wide at first, become narrower
     last_rounds: int = 4  # with the limits as they are
     longest_memory: float = 0.97  # correlation of a tracker's errors in neighbouring frames, at most
+    # The same where steps were measured, since little of the surface is seen: what errs there changes quickly.
+    hard_memory: float = 0.7
+    # Factor on the steps' covariance: neighbouring steps err alike, so that their errors add up faster than their sum.
+    step_variance_ratio: float = 3.0
     unknown_px: float = 1e3  # standard deviation of corners that nothing else holds
     wrong_weight: float = 0.25  # of a robust term, 0..1, below which it counts as wrong
 
@@ -158,25 +162,26 @@ class Shot:
 
     def _prepare(self) -> None:
         """Information matrices of all terms, 0 where there is no measurement."""
-        z, p, model = self.measured.corners, self.memory, self.model
+        z, model = self.measured.corners, self.model
         self.seen: NDArray[np.bool_] = np.asarray(np.isfinite(z).all(-1))
         variance = self.measured.covariance * max(self.motion.noise, 1.0) + model.least_px**2 * np.eye(CORNERS)
         self.information = _inverse(variance, self.seen)
         self.agreement = _inverse(variance + model.agreement_px**2 * np.eye(CORNERS), self.seen)
+        stepped = np.asarray(np.isfinite(self.measured.step_covariance).all((1, 2)))
         # An autoregression's terms in e_k: all there is for a lone frame, less for one with a neighbour or with two.
         linked = self.measured.linked & self.seen[:, :-1] & self.seen[:, 1:]
-        links = np.pad(linked, ((0, 0), (0, 1))).astype(int) + np.pad(linked, ((0, 0), (1, 0)))
-        self.share = np.array([1.0, 1 / (1 + p), (1 - p) / (1 + p)])[links]
-        stepped = np.asarray(np.isfinite(self.measured.step_covariance).all((1, 2)))
+        p = np.where(stepped, min(self.memory, model.hard_memory), self.memory)
+        explained = linked * (p / (1 + p))
+        self.share = 1 - np.pad(explained, ((0, 0), (0, 1))) - np.pad(explained, ((0, 0), (1, 0)))
         self.steps = np.where(stepped[:, None, None], self.measured.steps, np.eye(3))
         step_variance = _or_zero(self.measured.step_covariance) + model.least_px**2 * np.eye(CORNERS)
-        step_variance *= self._step_scale(stepped, step_variance, variance)
+        step_variance *= model.step_variance_ratio * self._step_scale(stepped, step_variance, variance)
         self.step_information = _inverse(step_variance, stepped)
         # And those in e_k+1 - e_k. Where the uncertainty changes, the error may change as much; and where the corners
         # leap, by as much as they do.
         deviation = np.sqrt(np.trace(np.where(self.seen[..., None, None], variance, 0), axis1=2, axis2=3) / CORNERS)
         growth = np.square(np.diff(deviation, axis=1))[..., None, None] * np.eye(CORNERS)
-        spread = (variance[:, :-1] + variance[:, 1:]) / 2 * (1 - p**2) / p + growth
+        spread = (variance[:, :-1] + variance[:, 1:]) / 2 * ((1 - p**2) / p)[:, None, None] + growth
         self.change = np.where(linked[..., None], np.diff(z, axis=1), 0.0)
         self.change_information = _inverse(spread + self._leaps(linked, stepped, spread, step_variance), linked)
         self.z = np.where(self.seen[..., None], z, 0.0)

@@ -82,7 +82,11 @@ def solve(
     followed = between | ((record.states == TRACKED) | (record.states == HELD)).any(0)[:n]
     solved = np.asarray(np.isfinite(corners).all((1, 2)))
     states = judged(
-        np.where(solved[:, None, None], corners, 0.0), deviation, agrees & solved, followed & solved, track.source.width
+        np.where(solved[:, None, None], corners, 0.0),
+        deviation,
+        agrees & solved,
+        followed & solved,
+        max(track.source.width, track.source.height),
     )
     best = np.where(believed, record.confidence, 0).max(0, initial=0)[:n]
     confidence = np.where(best > 0, best, record.confidence.max(0, initial=0)[:n])

@@ -15,15 +15,17 @@ from .segments import segments
 
 @dataclass(frozen=True)
 class JudgementModel:
-    """Bounds of what counts as tracked and held. Lengths are px of a frame 1280 px wide, and scale with its width."""
+    """Bounds of what counts as tracked and held: standard deviations of the corners."""
 
-    # Deviation of tracked corners, as a share of the surface's size, and at least and at most so much of a frame: a
-    # large surface that is off by more is seen to be.
+    # Of tracked corners: as a share of the surface's size, and at least so many px, but never more than is seen: px, or
+    # as a share of the frame's longer side, whichever is more.
     tracked_ratio: float = 0.025
-    tracked_least_px: float = 1.0  # of a frame of any width
-    tracked_most_px: float = 3.0
+    tracked_least_px: float = 1.0
+    tracked_most_px: float = 2.0
+    tracked_most_ratio: float = 3 / 1280
+    # Of held corners: px, or as a share of the frame's longer side, whichever is more.
     held_most_px: float = 8.0
-    least_scale: float = 0.5  # of these bounds, for small frames
+    held_most_ratio: float = 8 / 1280
     area_leap: float = 1.5  # ratio by which a held surface's area may differ from what the tracked ones around say
     worth_telling_frames: int = 8  # of a stretch that is not tracked, for a warning
     merged_frames: int = 15  # between two stretches, up to which they are told as one
@@ -33,23 +35,21 @@ MODEL = JudgementModel()
 
 
 def judged(
-    corners: Array, deviation: Array, agrees: NDArray[np.bool_], may_hold: NDArray[np.bool_], width: int
+    corners: Array, deviation: Array, agrees: NDArray[np.bool_], may_hold: NDArray[np.bool_], frame_side: int
 ) -> list[State]:
     """The states of n frames.
 
     Args:
         corners: (n, 4, 2) px. deviation: (n,) px; infinite where nothing is known.
         agrees: (n,) whether a tracker that was sure agrees with the corners. may_hold: (n,) whether they may be held.
-        width: of the frames, px.
+        frame_side: longer side of the frames, px.
     """
-    scale = max(width / 1280, MODEL.least_scale)
     states: list[State] = ["lost"] * len(corners)
     sizes = np.array([side(c) for c in corners])
-    most = np.clip(
-        MODEL.tracked_ratio * sizes, MODEL.tracked_least_px, max(MODEL.tracked_least_px, MODEL.tracked_most_px * scale)
-    )
-    tracked = agrees & (deviation <= most)
-    held = may_hold & (deviation <= MODEL.held_most_px * scale) & np.array([is_convex(c) for c in corners], bool)
+    seen = max(MODEL.tracked_most_px, MODEL.tracked_most_ratio * frame_side)
+    tracked = agrees & (deviation <= np.clip(MODEL.tracked_ratio * sizes, MODEL.tracked_least_px, seen))
+    held = may_hold & (deviation <= max(MODEL.held_most_px, MODEL.held_most_ratio * frame_side))
+    held &= np.array([is_convex(c) for c in corners], bool)
     if tracked.any():
         frames = np.arange(len(corners))
         expected = np.interp(frames, frames[tracked], np.log(sizes[tracked]))
