@@ -53,9 +53,9 @@ class JointModel:
     last_rounds: int = 4  # with the limits as they are
     longest_memory: float = 0.97  # correlation of a tracker's errors in neighbouring frames, at most
     # The same where steps were measured, since little of the surface is seen: what errs there changes quickly.
-    hard_memory: float = 0.7
+    hard_memory: float = 0.8
     # Factor on the steps' covariance: neighbouring steps err alike, so that their errors add up faster than their sum.
-    step_variance_ratio: float = 3.0
+    step_variance_ratio: float = 2.0
     unknown_px: float = 1e3  # standard deviation of corners that nothing else holds
     wrong_weight: float = 0.25  # of a robust term, 0..1, below which it counts as wrong
 
