@@ -19,7 +19,7 @@ from .imaging.observation import Observation
 from .plane.motion import Step, plane_step
 from .plane.plane_map import MapPose
 from .proposal import Proposal
-from .target import DRIFT_COVARIANCE, PARTS, Pose, Target
+from .target import PARTS, Pose, Target
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ class FrameSearch:
             homography, covariance = self.carried, pose.prior_covariance + self.step.covariance
             is_measured = self.step.agreement > MODEL.measured_agreement
         elif pose.missed:
-            homography, covariance = pose.homography, pose.covariance + DRIFT_COVARIANCE
+            homography, covariance = pose.homography, pose.blind_covariance
         blur = self._likeliest_blur(homography)
         around = target.occlusion_around.seen(self._frame, homography)
         found = target.plane.align(self._frame.grey, homography, covariance, around, blur)

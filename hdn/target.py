@@ -41,7 +41,8 @@ class PoseModel:
     # Standard deviations of the eight parameters of a pose, px at the edge of the standard crop: affine four,
     # translation, perspective. Of one that is given:
     given_deviation_px: tuple[float, ...] = (0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15, 0.15)
-    # By which the target moves in a frame in which nothing tells how:
+    # By which a target at rest moves in a frame in which nothing tells how; so many times more at a speed in px of the
+    # standard crop per frame, and once:
     drift_deviation_px: tuple[float, ...] = (0.4, 0.4, 1.0, 0.4, 0.4, 1.0, 0.2, 0.2)
     # Growth of a measured pose's variance to the next frame: errors of neighbouring frames are much the same, so that
     # many of them make a pose less sure than they would if each erred on its own.
@@ -108,6 +109,12 @@ class Target:
         """The target's corners (4, 2), px of the frame, by a pose (3, 3)."""
         return transform(homography, self.quad)
 
+    def speed(self, before: Array, after: Array) -> float:
+        """How far the corners move from one pose (3, 3) to another, the mean over them, px of the standard crop."""
+        corners = self.corners(after)
+        moved = np.linalg.norm(corners - self.corners(before), axis=1).mean()
+        return float(moved * self.refiner.standard_side / max(side(corners), 1.0))
+
     def is_plausible(self, homography: Array) -> bool:
         """Whether a pose (3, 3) is one that a camera can see: convex, not mirrored, neither vast nor tiny."""
         if not np.isfinite(homography).all():
@@ -148,6 +155,7 @@ class Pose:
         previous: (3, 3) the same of the frame before, for the motion so far; that of the last where it is not known.
         covariance: (8, 8) of the homography's parameters, as `Alignment` tells it.
         missed: frames in a row in which the target was not found.
+        speed: px of the standard crop per frame, the mean over the corners, when that was last known.
         frame: grey, the last one; None where it is not known.
         blur: (2, 2) px^2 of the standard crop, by which the last frame was blurrier than the reference frame.
         seen: (PARTS, PARTS) 0..1, which parts of the target the last frame is known to show.
@@ -158,6 +166,7 @@ class Pose:
     previous: Array
     covariance: Array
     missed: int = 0
+    speed: float = 0.0
     frame: Pyramid | None = None
     blur: Array = field(default_factory=lambda: NO_BLUR)
     seen: Floats | None = None
@@ -179,10 +188,16 @@ class Pose:
         """Covariance (8, 8) of the pose as what the next frame's is expected from, without its motion."""
         return self.covariance * (MODEL.forgetting if self.missed == 0 else 1)
 
-    def found(self, homography: Array, covariance: Array) -> "Pose":
-        """The target was found."""
-        previous = self.homography if self.missed == 0 else homography
-        return replace(self, homography=homography, previous=previous, covariance=covariance, missed=0)
+    @property
+    def blind_covariance(self) -> Array:
+        """Covariance (8, 8) of the pose in the next frame if nothing tells there how the target moved."""
+        return self.covariance + DRIFT_COVARIANCE * (1 + self.speed) ** 2
+
+    def found(self, homography: Array, covariance: Array, speed: float) -> "Pose":
+        """The target was found, having moved at a speed, px of the standard crop, if it was found before as well."""
+        if self.missed:
+            return replace(self, homography=homography, previous=homography, covariance=covariance, missed=0)
+        return replace(self, homography=homography, previous=self.homography, covariance=covariance, speed=speed)
 
     def not_found(self, homography: Array, covariance: Array) -> "Pose":
         """The target was not found; the pose is taken as given, and its motion as unknown."""

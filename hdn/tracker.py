@@ -18,7 +18,7 @@ from .networks.engine import Engine
 from .networks.loading import load_engine
 from .proposal import Proposal, Stage
 from .state import State
-from .target import DRIFT_COVARIANCE, PARTS, Pose, Target
+from .target import PARTS, Pose, Target
 
 
 @dataclass(frozen=True)
@@ -192,19 +192,20 @@ class Tracker:
         blur = NO_BLUR
         measured: Array | None = None
         if is_found:
-            pose = pose.found(candidate.homography, candidate.covariance)
+            speed = target.speed(pose.homography, candidate.homography)
+            pose = pose.found(candidate.homography, candidate.covariance, speed)
             if candidate.alignment is not None:
                 blur, measured = candidate.alignment.blur, candidate.alignment.measured
         elif is_lost:
             pose = pose.not_found(pose.homography, pose.covariance)
-        elif search.is_hard and (search.step is not None or search.expectation.by_map is not None):
+        elif search.is_hard and search.expectation.is_measured:
             expected = search.expectation
             pose, blur = pose.not_found(expected.homography, expected.covariance), expected.blur
             measured = None if expected.by_map is None else expected.by_map.measured
         elif is_hint(candidate.evidence):
-            pose = pose.not_found(candidate.homography, candidate.covariance + DRIFT_COVARIANCE)
+            pose = pose.not_found(candidate.homography, pose.blind_covariance)
         else:
-            pose = pose.not_found(pose.homography, pose.covariance + DRIFT_COVARIANCE)
+            pose = pose.not_found(pose.homography, pose.blind_covariance)
         if target.is_refined:
             around = target.plane.look(seen.grey, pose.homography, learn=is_found and not search.is_hard)
             pose = pose.after(seen.grey, blur, search.shown_parts(candidate if is_found else None), around)

@@ -55,16 +55,25 @@ def test_large_jumps_need_the_networks(
 
 
 def test_stays_put_while_only_its_wall_is_seen_and_finds_it_again(tracker: Tracker, scene: Scene) -> None:
-    here = moved(scene.quad, (4, 2))
-    tracker.track(scene.draw(here))
+    for _ in range(4):
+        tracker.track(scene.draw(scene.quad))
     for _ in range(30):
         estimate = tracker.track(scene.draw(None))
         assert estimate.state == "held"
-        assert error(estimate.corners, here) < 1.0
+        assert error(estimate.corners, scene.quad) < 1.0
     there = moved(scene.quad, (-60, 30), 0.9, 0.4)
     found = [tracker.track(scene.draw(there)) for _ in range(3)][-1]
     assert found.state == "tracked"
     assert error(found.corners, there) < 1.0
+
+
+def test_a_wall_that_it_moves_before_does_not_tell_where_it_is(tracker: Tracker, scene: Scene) -> None:
+    for step in range(1, 9):
+        here = moved(scene.quad, (3 * step, 2 * step))
+        tracker.track(scene.draw(here))
+    estimates = [tracker.track(scene.draw(None)) for _ in range(6)]
+    assert all(error(estimate.corners, here) < 4 for estimate in estimates)
+    assert estimates[-1].state == "lost"
 
 
 def test_holds_some_frames_without_any_sight_then_loses_and_finds_it_again(tracker: Tracker, scene: Scene) -> None:

@@ -23,9 +23,10 @@ class JudgementModel:
     tracked_least_px: float = 1.0
     tracked_most_px: float = 2.0
     tracked_most_ratio: float = 3 / 1280
-    # Of held corners: px, or as a share of the frame's longer side, whichever is more.
+    # Of held corners: px, or as a share of the frame's longer side or of the surface's size, whichever is more.
     held_most_px: float = 8.0
     held_most_ratio: float = 8 / 1280
+    held_size_ratio: float = 0.05
     area_leap: float = 1.5  # ratio by which a held surface's area may differ from what the tracked ones around say
     worth_telling_frames: int = 8  # of a stretch that is not tracked, for a warning
     merged_frames: int = 15  # between two stretches, up to which they are told as one
@@ -48,7 +49,8 @@ def judged(
     sizes = np.array([side(c) for c in corners])
     seen = max(MODEL.tracked_most_px, MODEL.tracked_most_ratio * frame_side)
     tracked = agrees & (deviation <= np.clip(MODEL.tracked_ratio * sizes, MODEL.tracked_least_px, seen))
-    held = may_hold & (deviation <= max(MODEL.held_most_px, MODEL.held_most_ratio * frame_side))
+    most = max(MODEL.held_most_px, MODEL.held_most_ratio * frame_side)
+    held = may_hold & (deviation <= np.maximum(most, MODEL.held_size_ratio * sizes))
     held &= np.array([is_convex(c) for c in corners], bool)
     if tracked.any():
         frames = np.arange(len(corners))
