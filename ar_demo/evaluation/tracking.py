@@ -22,7 +22,7 @@ from hdn.benchmark.running import ClipTracker, Track
 from hdn.benchmark.sequences import Sequence as Clip
 from hdn.commandline import run
 from hdn.imaging.arrays import Image
-from hdn.networks.weights import shipped
+from hdn.networks.weights import MATTE_FILE_NAME, shipped
 
 from ..errors import InputError, RunError
 from ..options import TrackingOptions
@@ -105,7 +105,7 @@ def made_by(weights: Path | None) -> str:
     """The digest of what makes a track besides the frames."""
     package = Path(__file__).parents[1]
     code = [Path(__file__), *sources(package, NO_PART), *tracker_sources(), *frame_sources()]
-    return digest([*code, weights or shipped()])
+    return digest([*code, weights or shipped(), shipped(MATTE_FILE_NAME)])
 
 
 @cache

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import cv2
 
+from ..networks.weights import MATTE_FILE_NAME, shipped
+
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]  # the checkout, where there is one
 # Parts of hdn that have nothing to do with tracking, by their path in it.
@@ -49,7 +51,7 @@ def made_by(weights: Path | None) -> str:
     files = [HERE / "trackers.py", *frame_sources()]
     if weights is None:
         return f"{digest([*files, *sources(HERE.parent / 'imaging')])}, OpenCV {cv2.__version__}"
-    return digest([*files, *tracker_sources(), weights])
+    return digest([*files, *tracker_sources(), weights, shipped(MATTE_FILE_NAME)])
 
 
 def machine() -> str:
