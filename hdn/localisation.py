@@ -116,7 +116,7 @@ class FrameSearch:
             candidate = self._aligned(expected.homography, proposal, expected.covariance, expected.blur, self.seen)
             margin = MODEL.measured_margin if expected.is_measured else MODEL.support_margin
             if candidate.support > best.support - margin:
-                return candidate
+                return self._or_by_keypoints(candidate)
         if best.support < THRESHOLDS.fix_support and proposal.score >= THRESHOLDS.trusted_score:
             # A large motion is found in two goes: the second starts where the first came to.
             again = self._propose(proposal.homography)
@@ -124,8 +124,23 @@ class FrameSearch:
         for start in () if is_lost else (self._pose.predicted, self._pose.homography):
             candidate = self._aligned(start, proposal, blur=self.expectation.blur)
             if candidate.support > best.support - MODEL.support_margin:
-                return candidate
-        return best
+                return self._or_by_keypoints(candidate)
+        return self._or_by_keypoints(best)
+
+    def _or_by_keypoints(self, candidate: Candidate) -> Candidate:
+        """The candidate, or where it is unsure that of matched keypoints if more supports it."""
+        if self._target.is_sharp(candidate.homography, candidate.covariance) and is_fix(candidate.evidence):
+            return candidate
+        found = self._target.redetector.find(self._frame)
+        if found is None or not self._target.is_plausible(found) or self._proposal is None:
+            return candidate
+        matched = self._aligned(
+            found,
+            self._proposal,
+            blur=candidate.alignment.prior.blur if candidate.alignment else NO_BLUR,
+            seen=self._target.occlusion.seen(self._frame, found),
+        )
+        return matched if matched.support > candidate.support + MODEL.support_margin else candidate
 
     def anywhere(self) -> Candidate:
         """The best candidate in the whole frame, for a lost target: by keypoints in some frames, else by HDN."""
