@@ -12,7 +12,7 @@ def state(
 
 
 def test_the_bounds_are_what_a_person_sees() -> None:
-    assert [state(d) for d in (0.5, 2.9, 3.1, 7.9, 8.1, np.inf)] == ["tracked"] * 2 + ["held"] * 2 + ["lost"] * 2
+    assert [state(d) for d in (0.5, 2.9, 3.1, 8.5, 8.8, np.inf)] == ["tracked"] * 2 + ["held"] * 2 + ["lost"] * 2
     assert state(1.5, quad=QUAD / 10) == "held"  # a small surface, of which 1.5 px is a lot
     assert [state(5.5, width=w) for w in (1280, 3840)] == ["held", "held"]
     assert state(15, width=3840) == "held"
