@@ -125,10 +125,13 @@ class PlaneMap:
         size = self.size(MODEL.target_side_px)
         self.margin = _margin(quad, *size)
         usable = None if region.is_everywhere else region.mask(*frame.colour.size)
-        self._take_level(Level(frame.grey, quad, size, MODEL.blur_px, standard_side, MODEL.points, self.margin, usable))
-        level, n = self.level, self.level.cells
+        self.level = level = Level(
+            frame.grey, quad, size, MODEL.blur_px, standard_side, MODEL.points, self.margin, usable
+        )
+        n = level.cells
         picture = frame.colour.crop(level.to_template, level.width, level.height)
         self.texture = Texture(picture, level.raw, level.shown, n)
+        self._prepare_judgement()
         self._allowed = self._region_mask(region)
         self._around: Mask = np.ones((n, n), bool)
         inner = slice(self.margin, n - self.margin)
@@ -254,7 +257,8 @@ class PlaneMap:
         overlap = texture.known & self._pixels((agree | ~self._around) & inside & ~refuted)
         crop = frame.colour.crop(homography @ self.level.to_template, self.level.width, self.level.height)
         texture.take(crop, taken, overlap)
-        self._take_level(self.level.with_template(texture.grey, texture.comparable))
+        self.level = self.level.with_template(texture.grey, texture.comparable)
+        self._prepare_judgement()
         self._missing = self._find_missing()
         new = refuted | missing
         self._patience[refuted] *= 2
@@ -263,13 +267,13 @@ class PlaneMap:
         for count in (self.seen, self.agreed, self._failed):
             count[new] = 0
 
-    def _take_level(self, level: Level) -> None:
-        """Takes the map as it is compared, and what cells of it can be judged by."""
-        self.level, n = level, level.cells
+    def _prepare_judgement(self) -> None:
+        """Finds which cells have texture, and what they are judged by."""
+        level, n = self.level, self.level.cells
         gy, gx = (np.asarray(g, np.float32) for g in np.gradient(level.template))
         self._gradient = gx, gy
         xx, xy, yy = (cell_means(g, n) for g in (gx * gx, gx * gy, gy * gy))
-        shown = cell_means(level.shown.astype(np.float32), n) > MODEL.min_shown
+        shown = cell_means(self.texture.known.astype(np.float32), n) > MODEL.min_shown
         self._textured: Mask = (xx + yy > MODEL.min_gradient) & shown
         a, d = xx + MODEL.offset_ridge, yy + MODEL.offset_ridge
         self._inverse = np.array([[d, -xy], [-xy, a]]) / (a * d - xy * xy)  # (2, 2, n, n)
