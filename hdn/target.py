@@ -105,6 +105,15 @@ class Target:
         """Whether photometric refinement is among the stages."""
         return "refinement" in self.proposer.stages
 
+    def look_around(self, frame: Observation, homography: Array, learn: bool, blur: Array) -> Mask:
+        """Which cells (n, n) of its plane a frame shows at a pose (3, 3); see `PlaneMap.look`, which may learn."""
+        texture = self.plane.texture
+        known = texture.takes
+        shown = self.plane.look(frame, homography, learn, blur)
+        if texture.takes > known:
+            self.occlusion_around.take(texture.picture, texture.known)
+        return shown
+
     def corners(self, homography: Array) -> Array:
         """The target's corners (4, 2), px of the frame, by a pose (3, 3)."""
         return transform(homography, self.quad)

@@ -207,7 +207,7 @@ class Tracker:
         else:
             pose = pose.not_found(pose.homography, pose.blind_covariance)
         if target.is_refined:
-            around = target.plane.look(seen.grey, pose.homography, learn=is_found and not search.is_hard)
+            around = target.look_around(seen, pose.homography, is_found and not search.is_hard, blur)
             pose = pose.after(seen.grey, blur, search.shown_parts(candidate if is_found else None), around)
         self._state = target, pose
         return _estimate(target, pose, search, candidate, is_found, measured)

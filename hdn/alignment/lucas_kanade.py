@@ -69,7 +69,7 @@ class Level:
         width, height: of the crop, px.
         cells: the crop is a grid of so many cells along either side.
         to_template, from_template: (3, 3) the crop's pixels to the template's, and back.
-        shown: (h, w) the pixels that the reference frame shows.
+        shown: (h, w) the pixels that may be compared: those that the reference frame shows, or that were added.
         raw: (h, w) the template at this scale, grey levels.
         template: (h, w) the same as it is compared: blurred and locally normalised.
         window: px, of the local normalisation.
@@ -132,6 +132,13 @@ class Level:
         apart = np.sqrt(self._pixels_per_error)
         streaks = np.sqrt(12 * np.abs(np.linalg.eigvalsh(covariance))) * self._per_standard_pixel
         level._pixels_per_error = float(np.prod(apart + streaks))
+        return level
+
+    def with_template(self, raw: Grey, shown: Mask) -> "Level":
+        """This level with another template (h, w), grey levels, of which the pixels shown (h, w) may be compared."""
+        level = copy.copy(self)
+        level.raw, level.shown = raw, shown
+        level._take_template(raw)
         return level
 
     def _take_template(self, raw: Grey) -> None:

@@ -3,16 +3,18 @@
 import cv2
 import numpy as np
 
-from ..imaging.arrays import Array, Floats, Image
+from ..imaging.arrays import Array, Floats, Image, Mask
 from ..imaging.homography import from_corners
 from ..imaging.observation import Observation
 from ..imaging.quads import square
 from ..networks.config import MATTE_SIZE
 from ..networks.engine import Engine
 
+MIN_KNOWN = 0.99  # share of a pixel of the template
+
 
 class Occlusion:
-    """The matte network with one area of a plane, as the reference frame shows it, for its template."""
+    """The matte network with one area of a plane for its template: as the reference frame shows it, or as it grew."""
 
     def __init__(self, engine: Engine, frame: Observation, quad: Array, parts: int) -> None:
         """Args:
@@ -25,6 +27,13 @@ class Occlusion:
         self._to_reference = from_corners(square(MATTE_SIZE), quad)
         self._template = self._crop(frame, np.eye(3))
         self._known = self._inside(frame, np.eye(3))
+
+    def take(self, picture: Image, known: Mask) -> None:
+        """Takes a rectified picture (h, w, 3) of the area for the template, of which pixels (h, w) are known."""
+        size = MATTE_SIZE, MATTE_SIZE
+        self._template = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+        share = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        self._known = np.where(share > MIN_KNOWN, 255, 0).astype(np.uint8)
 
     def seen(self, frame: Observation, homography: Array) -> Floats:
         """How probably each part (parts, parts) is seen in a frame, at a pose (3, 3); 0 outside the frame."""

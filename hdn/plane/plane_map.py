@@ -2,23 +2,32 @@
 
 A board around a poster or a wall around a window moves with the homography of the target; a tree behind it does not.
 Cell by cell the map keeps how surely the surroundings do. Where the target is hidden or blurred, its pose is found by
-those that do. They are compared with the reference frame, so the map does not drift.
+those that do.
+
+The map starts as what the reference frame shows, and grows: what lay outside that frame, or behind something that went
+away, takes its texture from later ones, placed by the target itself. What agrees is not taken anew, so the map does not
+drift.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ..alignment.agreement import CELLS, cell_means
 from ..alignment.lucas_kanade import Level
+from ..alignment.refinement import NO_BLUR
 from ..imaging.arrays import Array, Floats, Image, Mask
-from ..imaging.homography import from_corners, normalised, transform
+from ..imaging.homography import from_corners, normalised, transform, translation
 from ..imaging.observation import Observation
 from ..imaging.pyramid import Pyramid
 from ..imaging.quads import outline
 from ..imaging.regions import EVERYWHERE, Region
+from .texture import Texture
+
+Value = TypeVar("Value", np.bool_, np.float32)
 
 
 @dataclass(frozen=True)
@@ -44,6 +53,15 @@ class PlaneMapModel:
     offset_ridge: float = 0.02  # mean square gradient, below which a cell's offset is drawn to zero
     gain: float = 0.25  # by a frame in which a cell moved with the target, of what it lacks to 1
     loss: float = 0.4  # by one in which it did not, of what it has
+
+    # Growth, in frames in which the target is surely seen.
+    unproven: float = 0.1  # how surely a cell moves with the target whose texture is new: two frames have to prove it
+    growth_interval: int = 5  # frames in which there is something to take, to one in which it is taken
+    max_taken_variance_px2: float = 1.0  # of the standard crop: a frame that is blurrier gives no texture
+    frame_margin_px: int = 2  # at the edge of a frame, that is not taken from it
+    # Frames in a row in which a cell did not agree, from which it may be something in front, and gives way to what is
+    # seen now; each time that it does they double, since what moves behind the plane would do so for ever.
+    patience: int = 10
 
     # Alignment.
     trusted: float = 0.35  # from which a cell is taken to lie on the plane
@@ -89,7 +107,9 @@ class PlaneMap:
         standard_side: px, of the crop in whose pixels covariances are told.
         margin: cells around the target.
         level: the map as it is compared, the target in its middle.
+        texture: the map's picture.
         coplanar: (n, n) 0..1, how surely each cell moves with the target.
+        seen, agreed: (n, n) in how many frames each cell was looked at while it learnt, and agreed.
     """
 
     def __init__(self, frame: Observation, quad: Array, standard_side: int, region: Region = EVERYWHERE) -> None:
@@ -108,20 +128,22 @@ class PlaneMap:
         self.level = level = Level(
             frame.grey, quad, size, MODEL.blur_px, standard_side, MODEL.points, self.margin, usable
         )
-        self._picture = frame.colour.crop(level.to_template, level.width, level.height)
-        self._is_given = region.include is not None
         n = level.cells
-        self.coplanar: Floats = np.full((n, n), 1 if self._is_given else MODEL.unknown, np.float32)
-        inner = slice(self.margin, n - self.margin)
+        picture = frame.colour.crop(level.to_template, level.width, level.height)
+        self.texture = Texture(picture, level.raw, level.shown, n)
+        self._prepare_judgement()
+        self._allowed = self._region_mask(region)
         self._around: Mask = np.ones((n, n), bool)
+        inner = slice(self.margin, n - self.margin)
         self._around[inner, inner] = False
-        gy, gx = (np.asarray(g, np.float32) for g in np.gradient(level.template))
-        self._gradient = gx, gy
-        xx, xy, yy = (cell_means(g, n) for g in (gx * gx, gx * gy, gy * gy))
-        shown = cell_means(level.shown.astype(np.float32), n) > MODEL.min_shown
-        self._textured: Mask = (xx + yy > MODEL.min_gradient) & shown & self._around
-        a, d = xx + MODEL.offset_ridge, yy + MODEL.offset_ridge
-        self._inverse = np.array([[d, -xy], [-xy, a]]) / (a * d - xy * xy)  # (2, 2, n, n)
+        is_given = region.include is not None
+        self.coplanar: Floats = np.full((n, n), 1 if is_given else MODEL.unknown, np.float32)
+        self._given: Mask = np.full((n, n), is_given)  # cells that need not prove to lie on the plane
+        self.seen, self.agreed = np.zeros((n, n), np.int32), np.zeros((n, n), np.int32)
+        self._failed = np.zeros((n, n), np.int32)  # in a row
+        self._patience = np.full((n, n), MODEL.patience, np.int32)
+        self._waited = 0  # frames with something to take
+        self._missing = self._find_missing()
 
     @property
     def corners(self) -> Array:
@@ -134,23 +156,27 @@ class PlaneMap:
         width, height = (CELLS * int(side) for side in cell)
         return width, height
 
-    def look(self, frame: Pyramid, homography: Array, learn: bool) -> Mask:
-        """Which cells (n, n) around the target a grey frame shows just where a pose (3, 3) has them.
+    def look(self, frame: Observation, homography: Array, learn: bool, blur: Array = NO_BLUR) -> Mask:
+        """Which cells (n, n) around the target a frame shows just where a pose (3, 3) has them.
 
         Args:
-            learn: whether the pose was found by the target itself, so that these cells prove to move with it.
+            learn: whether the pose was found by the target itself, so that these cells prove to move with it, and the
+                map may grow.
+            blur: (2, 2) px^2 of the standard crop, by which the frame is blurrier than the reference frame.
         """
         level, n = self.level, self.level.cells
-        search = level.rectify(frame, homography)
+        search = level.rectify(frame.grey, homography)
         error = search - level.template
         along = np.array([cell_means(g * error, n) for g in self._gradient])
         offset = np.linalg.norm(np.einsum("ij...,j...->i...", self._inverse, along), axis=0)
-        moves_along = (level.correlation(search) > MODEL.min_correlation) & (offset < MODEL.max_offset_px)
-        judged = self._textured & level.in_frame(frame, homography)
-        if learn and not self._is_given:
-            change = np.where(moves_along, MODEL.gain * (1 - self.coplanar), -MODEL.loss * self.coplanar)
-            self.coplanar += np.where(judged, change, 0).astype(np.float32)
-        return np.asarray(judged & moves_along)
+        agrees = (level.correlation(search) > MODEL.min_correlation) & (offset < MODEL.max_offset_px)
+        inside = self._wholly_in(frame, homography)
+        judged = self._textured & self._around & inside
+        if learn:
+            self._learn(judged, agrees)
+            if np.abs(blur).max() < MODEL.max_taken_variance_px2:
+                self._grow(frame, homography, inside, judged & agrees)
+        return np.asarray(judged & agrees)
 
     def trust(self, shown: Mask, target: Floats) -> Floats:
         """Weights (m, m) of the map's parts: of the cells around that are shown (n, n), and of the target's (p, p)."""
@@ -201,15 +227,95 @@ class PlaneMap:
     def picture(self) -> Image:
         """The map as an RGB picture (h, w, 3), rectified; dim where it does not prove to lie on the plane."""
         sure = np.where(self._around, self.coplanar * self._is_trusted, 1).astype(np.float32)
-        size = self.level.width, self.level.height
-        sure = cv2.resize(sure, size, interpolation=cv2.INTER_NEAREST)[..., None]
-        brightness = MODEL.unsure_brightness + (1 - MODEL.unsure_brightness) * sure
-        return np.asarray(self._picture * brightness * self.level.shown[..., None], np.uint8)
+        brightness = MODEL.unsure_brightness + (1 - MODEL.unsure_brightness) * self._pixels(sure)[..., None]
+        return np.asarray(self.texture.picture * brightness * self.texture.known[..., None], np.uint8)
+
+    def _learn(self, judged: Mask, agrees: Mask) -> None:
+        """Takes into account which of the cells (n, n) that can be judged in a frame agree with it."""
+        change = np.where(agrees, MODEL.gain * (1 - self.coplanar), -MODEL.loss * self.coplanar)
+        self.coplanar += np.where(judged & ~self._given, change, 0).astype(np.float32)
+        self.seen += judged
+        self.agreed += judged & agrees
+        self._failed = np.where(judged, np.where(agrees, 0, self._failed + 1), self._failed)
+
+    def _grow(self, frame: Observation, homography: Array, inside: Mask, agree: Mask) -> None:
+        """Takes the texture that is missing from a frame at a pose (3, 3), once in a while.
+
+        Args:
+            inside, agree: (n, n) the cells that lie in the frame, and those around the target that agree.
+        """
+        texture = self.texture
+        refuted = (self._failed >= self._patience) & (2 * self.agreed < self.seen) & inside
+        missing = self._missing & inside
+        if not (refuted | missing).any():
+            return
+        self._waited += 1
+        if self._waited < MODEL.growth_interval:
+            return
+        self._waited = 0
+        taken = self._allowed & (self._pixels(refuted) | (self._pixels(missing) & ~texture.known))
+        overlap = texture.known & self._pixels((agree | ~self._around) & inside & ~refuted)
+        crop = frame.colour.crop(homography @ self.level.to_template, self.level.width, self.level.height)
+        texture.take(crop, taken, overlap)
+        self.level = self.level.with_template(texture.grey, texture.comparable)
+        self._prepare_judgement()
+        self._missing = self._find_missing()
+        new = refuted | missing
+        self._patience[refuted] *= 2
+        self._given &= ~new
+        self.coplanar[new] = MODEL.unproven
+        for count in (self.seen, self.agreed, self._failed):
+            count[new] = 0
+
+    def _prepare_judgement(self) -> None:
+        """Finds which cells have texture, and what they are judged by."""
+        level, n = self.level, self.level.cells
+        gy, gx = (np.asarray(g, np.float32) for g in np.gradient(level.template))
+        self._gradient = gx, gy
+        xx, xy, yy = (cell_means(g, n) for g in (gx * gx, gx * gy, gy * gy))
+        shown = cell_means(self.texture.known.astype(np.float32), n) > MODEL.min_shown
+        self._textured: Mask = (xx + yy > MODEL.min_gradient) & shown
+        a, d = xx + MODEL.offset_ridge, yy + MODEL.offset_ridge
+        self._inverse = np.array([[d, -xy], [-xy, a]]) / (a * d - xy * xy)  # (2, 2, n, n)
+
+    def _region_mask(self, region: Region) -> Mask:
+        """The map's pixels (h, w) that tracking may look at, in the reference frame or beyond it."""
+        level = self.level
+        if region.is_everywhere:
+            return np.ones((level.height, level.width), bool)
+        first, last = np.floor(self.corners.min(0)), np.ceil(self.corners.max(0))
+        to_mask = translation(*-first)
+        mask = region.transformed(to_mask).mask(*(int(length) + 1 for length in last - first))
+        size = level.width, level.height
+        return np.asarray(
+            cv2.warpPerspective(mask, to_mask @ level.to_template, size, flags=cv2.WARP_INVERSE_MAP) == 255
+        )
+
+    def _wholly_in(self, frame: Observation, homography: Array) -> Mask:
+        """Which of the cells (n, n) lie in a frame with all that they have, by a pose (3, 3)."""
+        level, n = self.level, self.level.cells
+        y, x = np.mgrid[: n + 1, : n + 1] / n
+        corners = np.stack([x * level.width, y * level.height], -1) - 0.5
+        to_frame = homography @ level.to_template
+        at, margin = transform(to_frame, corners), MODEL.frame_margin_px
+        is_in = (corners @ to_frame[2, :2] + to_frame[2, 2] > 0) & (at >= margin).all(-1)
+        is_in &= (at <= np.array(frame.colour.size) - 1 - margin).all(-1)
+        return np.asarray(is_in[1:, 1:] & is_in[1:, :-1] & is_in[:-1, 1:] & is_in[:-1, :-1])
+
+    def _pixels(self, cells: NDArray[Value]) -> NDArray[Value]:
+        """Values of the cells (n, n) at the map's pixels (h, w)."""
+        n = self.level.cells
+        return np.repeat(np.repeat(cells, self.level.height // n, 0), self.level.width // n, 1)
+
+    def _find_missing(self) -> Mask:
+        """Which cells (n, n) around the target some of is not known, though it may be looked at."""
+        missing = cell_means((self._allowed & ~self.texture.known).astype(np.float32), self.level.cells) > 0
+        return np.asarray(missing & self._around)
 
     @property
     def _is_trusted(self) -> Mask:
         """Which cells (n, n) around the target have texture and are taken to lie on its plane."""
-        return np.asarray(self._textured & (self.coplanar > MODEL.trusted))
+        return np.asarray(self._textured & self._around & (self.coplanar > MODEL.trusted))
 
 
 def _trust(correlation: Floats, known: Mask) -> Floats:
