@@ -14,6 +14,7 @@ from hdn.imaging.blur import blurred, equalising_blurs, relative_blur
 from hdn.imaging.homography import derivative, from_corners, transform, translation
 from hdn.imaging.pyramid import Pyramid
 from hdn.imaging.quads import is_drawable, outline
+from hdn.networks.matte import Matte
 
 from . import light as relighting
 from . import occlusion
@@ -71,10 +72,11 @@ class Conditions:
 class Appearance:
     """Compares a surface in frame after frame with the reference frame."""
 
-    def __init__(self, reference: Image, quad: Array) -> None:
+    def __init__(self, reference: Image, quad: Array, matte: Matte) -> None:
         """Args:
         reference: (H, W, 3) the frame that shows the surface as it is.
         quad: (4, 2) its corners there, px.
+        matte: tells the surface from what hides it; several surfaces may share one.
         """
         sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
         size = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
@@ -86,12 +88,12 @@ class Appearance:
         self._quad, self._exposure = quad, relighting.exposure(reference)
         self._reference = _Box(reference, quad)
         self._template, _ = self._rectify(self._reference, quad)
+        self._matte, self._square_template = matte, _square(self._template)
         self.forget()
 
     def forget(self) -> None:
         """Begins anew, as after a cut: the light may be another now."""
         self._light: Light | None = None
-        self._hidden: Grey | None = None
         self._lost = False
 
     def conditions(self, frame: Image, pose: Array, deviation: float, lost: bool, cut: bool) -> Conditions:
@@ -125,20 +127,17 @@ class Appearance:
         crop_to_frame = from_corners(self._outline, pose)
         scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
         slack = min(deviation, MODEL.unknown_deviation_px) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
+        seen = self._seen(view, inside)
+        hidden = occlusion.find((1 - seen) * inside)
         blur = self._blur(view, inside) if slack < BLUR.max_slack_px else np.zeros((2, 2))
         template = _blurred(self._template, blur)
         unsaturated = cv2.inRange(cv2.max(view, template), (0, 0, 0), (MODEL.saturated_grey,) * 3)
-        usable = unsaturated.astype(np.float32) / 255 * inside
+        usable = unsaturated.astype(np.float32) / 255 * seen
         small_view, small_template, small_usable = (
             self._halved(x, max(slack, MODEL.light_blur_px)) for x in (view, template, usable)
         )
-        trust = relighting.trusted(*relighting.shows(grey(small_view), grey(small_template)), small_usable.shape)
-        light = relighting.measure(small_view, small_template, trust * small_usable, self._light)
+        light = relighting.measure(small_view, small_template, small_usable, self._light)
         self._light = relighting.follow(self._light, light, 1 / (1 + slack * slack))
-        lit_template = np.minimum(self._light.resized(self._width, self._height).on(template), 255)
-        evidence = occlusion.evidence(view, lit_template, slack, self._hidden) * inside
-        hidden = occlusion.find(evidence)
-        self._hidden = hidden
         blur_in_frame = scale @ _worth(blur) @ scale.T
         occluder = None
         if hidden.any():
@@ -155,6 +154,11 @@ class Appearance:
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         inside = cv2.warpPerspective(whole, crop_to_part, (self._width, self._height), flags=flags)
         return view, (inside > 250).astype(np.float32)
+
+    def _seen(self, view: Floats, inside: Grey) -> Floats:
+        """How probably each pixel (h, w) of the crop shows the surface, 0..1; 0 outside the frame."""
+        seen = self._matte(_square(view), self._square_template, _square(255 * inside))
+        return cv2.resize(seen, (self._width, self._height), interpolation=cv2.INTER_LINEAR) * inside
 
     def _blur(self, view: Floats, inside: Grey) -> Array:
         """Covariance (2, 2), px^2 of the crop, by which a view is blurred more than the template; 0 where less.
@@ -227,6 +231,12 @@ class _Box:
         self.image = frame[self.box]
         self.whole = bool((quad >= 0).all() and (quad <= bounds - 1).all())
         self.to_box = translation(-low[0], -low[1])
+
+
+def _square(crop: Floats) -> Image:
+    """A crop (h, w, ...) of grey levels as the matte network takes it, (128, 128, ...)."""
+    size = Matte.size, Matte.size
+    return np.asarray(cv2.resize(crop, size, interpolation=cv2.INTER_AREA).round().clip(0, 255), np.uint8)
 
 
 def _blurred(image: Floats, covariance: Array) -> Floats:

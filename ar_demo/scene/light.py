@@ -30,8 +30,6 @@ class LightModel:
     # Which pixels show the surface.
     window_share: float = 0.2  # width of the window that correlation is normalised over, share of the longer side
     min_contrast_grey: float = 2.0  # mean contrast from which a cell has texture to correlate
-    sure_correlation: float = 0.6  # of a cell that is sure to show the surface; half of it counts for nothing
-    untextured_trust: float = 0.3  # 0..1, in cells without texture
     # The fit of gain and gloss, repeated on what fits.
     allowances: tuple[float, ...] = (2.0, 1.0, 1.0)  # of each repetition, the largest error, in expected ones
     expected_error_share: float = 0.15  # of the brightness, since light differs within a cell ...
@@ -182,17 +180,6 @@ def shows(view: Grey, template: Grey) -> tuple[Grey, Mask]:
     window = window_px(max(view.shape))
     textured = cell_means(cv2.absdiff(template, cv2.blur(template, (window, window)))) > MODEL.min_contrast_grey
     return Cells(normalise(template, window)[0]).correlation(normalise(view, window)[0]), textured
-
-
-def trusted(correlation: Grey, textured: Mask, shape: tuple[int, ...]) -> Grey:
-    """How far each pixel of a crop (h, w) can be trusted to show the surface, 0..1.
-
-    Parts that show the template's texture are trusted whatever their brightness; flat ones as far as they fit in.
-    """
-    cells = np.where(
-        textured, np.clip(2 * correlation / MODEL.sure_correlation - 1, 0, 1), MODEL.untextured_trust
-    ).astype(np.float32)
-    return np.asarray(cv2.resize(cells, shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def _change(view: Floats, expected: Floats, trust: Grey) -> float:

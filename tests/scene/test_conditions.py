@@ -19,6 +19,8 @@ from ar_demo.surface import Surface
 from ar_demo.tracks import Source, Track
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import from_corners
+from hdn.networks.loading import load_matte
+from hdn.networks.matte import Matte
 
 from ..clips import make_clip
 from ..scenes import Scene, moved
@@ -33,9 +35,14 @@ def reference() -> np.ndarray:
     return SCENE.draw(SCENE.quad)
 
 
+@pytest.fixture(scope="module")
+def matte() -> Matte:
+    return load_matte()
+
+
 @pytest.fixture
-def appearance(reference: np.ndarray) -> Appearance:
-    return Appearance(reference, SCENE.quad)
+def appearance(reference: np.ndarray, matte: Matte) -> Appearance:
+    return Appearance(reference, SCENE.quad, matte)
 
 
 def look(appearance: Appearance, frame: np.ndarray, pose: Array = SCENE.quad, deviation: float = 0.3) -> Conditions:
@@ -192,10 +199,10 @@ def test_exposure_leaves_usual_frames_alone(reference: np.ndarray) -> None:
     ],
 )
 @pytest.mark.parametrize("blank", [False, True])
-def test_hard_cases_give_numbers(reference: np.ndarray, quad: Array, change: object, blank: bool) -> None:
+def test_hard_cases_give_numbers(reference: np.ndarray, matte: Matte, quad: Array, change: object, blank: bool) -> None:
     still = np.full_like(reference, 120) if blank else reference
     for first, second in ((still, change(still)), (change(still), still)):  # type: ignore[operator]
-        appearance = Appearance(first, SCENE.quad)
+        appearance = Appearance(first, SCENE.quad, matte)
         for frame in (first, second):
             conditions = appearance.see(frame, quad, 1.0)
             assert np.isfinite(conditions.light.gain).all()
