@@ -179,7 +179,7 @@ class _Target:
         estimate = self.tracker.track(seen)
         self.states[estimate.state] += 1
         lost = estimate.state == "lost"
-        self._appear(lost, elapsed, cut)
+        self._appear(lost, elapsed)
         if lost:
             self._filter.reset()
         else:
@@ -193,14 +193,12 @@ class _Target:
             opacity = self._opacity * self.surface.opacity
             self.painter.draw(frame.image, self._pose, opacity, elapsed - self.started, self._conditions)
 
-    def _appear(self, lost: bool, elapsed: Fraction, cut: bool) -> None:
+    def _appear(self, lost: bool, elapsed: Fraction) -> None:
         """Lets the ad come and go as `Surface.lost` says, as far as that can be without knowing what comes."""
         step = float(elapsed - self._time) / FADE_SECONDS
         self._time = elapsed
-        if self.surface.lost == "hide" or (cut and not lost):
+        if not lost or self.surface.lost == "hide":
             self._opacity = float(not lost)
-        elif not lost:
-            self._opacity = min(1.0, self._opacity + step)
         elif self.surface.lost == "fade":
             self._opacity = max(0.0, self._opacity - step)
 

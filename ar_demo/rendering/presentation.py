@@ -9,15 +9,16 @@ from ..surface import Surface
 from ..tracking.segments import segments
 from ..tracks import Track
 
-FADE_SECONDS = 0.25  # that the ad takes to go and to come back
+FADE_SECONDS = 0.25  # that the ad takes to go
 GLIDE_SECONDS = 0.25  # that a held ad takes to where the surface is found again
 
 
 def presentation(track: Track, surface: Surface) -> tuple[Array, NDArray[np.float64]]:
     """Where the ad is drawn, (N, 4, 2) px, and how strongly, (N,) 0..1, in every frame.
 
-    While the surface is lost the ad keeps its last pose. It fades out there (`lost='fade'`), goes at once ('hide'), or
-    stays and glides to where the surface is found again, so that it never jumps ('hold'). A cut ends all of that.
+    Wherever the surface's pose is known the ad is there in full: what it replaces never shines through. While the
+    surface is lost the ad keeps its last pose. It fades out there (`lost='fade'`), goes at once ('hide'), or stays and
+    glides to where the surface is found again, so that it never jumps ('hold'). A cut ends all of that.
     """
     poses = track.corners.copy()
     shown = track.known
@@ -34,10 +35,6 @@ def presentation(track: Track, surface: Surface) -> tuple[Array, NDArray[np.floa
                 way = np.clip(1 - (times[stop] - times[start:stop]) / GLIDE_SECONDS, 0, 1)
                 ease = (way * way * (3 - 2 * way))[:, None, None]
                 poses[start:stop] += (poses[stop] - poses[start:stop]) * ease
-        elif surface.lost == "fade":
-            if leaves:
-                opacity[start:stop] = 1 - (times[start:stop] - times[start - 1]) / FADE_SECONDS
-            if returns:
-                coming = (times[stop:] - times[stop - 1]) / FADE_SECONDS
-                opacity[stop:] = np.minimum(opacity[stop:], coming)
+        elif surface.lost == "fade" and leaves:
+            opacity[start:stop] = 1 - (times[start:stop] - times[start - 1]) / FADE_SECONDS
     return poses, np.clip(opacity, 0, 1) * surface.opacity

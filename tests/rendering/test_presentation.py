@@ -23,14 +23,12 @@ def track() -> Track:
     return Track(Source("a.mp4", 320, 240, Fraction(30), 80), 0, QUAD, times, corners, states, np.ones(80), np.ones(80))  # type: ignore[arg-type]
 
 
-def test_fades_out_where_it_was_and_in_where_it_is(track: Track) -> None:
+def test_fades_out_where_it_was_and_is_back_at_once(track: Track) -> None:
     poses, opacity = presentation(track, Surface(lost="fade", opacity=0.8))
     assert opacity[19] == pytest.approx(0.8)
     assert (np.diff(opacity[19:28]) <= 0).all()
     assert opacity[22] > 0 == opacity[30]
-    assert (np.diff(opacity[49:58]) >= 0).all()
-    assert opacity[50] < 0.2
-    assert opacity[60] == pytest.approx(0.8)
+    assert opacity[50:] == pytest.approx(0.8)  # what is replaced does not shine through where the pose is known
     np.testing.assert_array_equal(poses[25], QUAD)
     np.testing.assert_array_equal(poses[50], QUAD + 60)
 

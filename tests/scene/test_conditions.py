@@ -117,6 +117,34 @@ def test_an_occluder_is_cut_out_at_its_edge(appearance: Appearance, reference: n
     assert np.abs(found - true).mean() < 0.02
 
 
+def hand(frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A frame with three fingers before the surface, lit from one side, and how much they take of each pixel (h, w)."""
+    share = np.zeros(frame.shape[:2], np.float32)
+    for x, y in ((300, 250), (330, 220), (360, 240)):
+        cv2.line(share, (x + 20, 470), (x, y), 1.0, 24, cv2.LINE_AA)
+    share = cv2.GaussianBlur(share, (0, 0), 1.5)
+    across = np.linspace(0.8, 1.1, frame.shape[1])[None, :, None]
+    return (frame + share[..., None] * (np.array([196.0, 146, 122]) * across - frame)).astype(np.uint8), share
+
+
+@pytest.mark.parametrize("deviation", [0.3, 4.0])
+def test_a_hand_is_kept_in_front_however_well_the_pose_is_known(
+    appearance: Appearance, reference: np.ndarray, deviation: float
+) -> None:
+    frame, share = hand(lamp(reference)[0])
+    there = inside(SCENE.quad)
+    found = hidden(appearance.see(frame, SCENE.quad, deviation))
+    assert found[there & (share > 0.95)].mean() > 0.95
+    near = cv2.dilate(share, np.ones((25, 25))) > 0.02
+    assert found[there & ~near].mean() < 0.01
+
+
+def test_what_covers_it_all_hides_it_all(appearance: Appearance, reference: np.ndarray) -> None:
+    cloth = np.full_like(reference, (150, 40, 50))
+    core = cv2.erode(inside(SCENE.quad).astype(np.uint8), np.ones((9, 9))) > 0
+    assert hidden(appearance.see(cloth, SCENE.quad, 0.3))[core].mean() > 0.95
+
+
 def _brighter(frame: np.ndarray) -> np.ndarray:
     return np.clip(frame * 1.25, 0, 255).astype(np.uint8)
 
