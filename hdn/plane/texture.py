@@ -75,9 +75,10 @@ class Texture:
         if not overlap.any():
             return crop
         own, other = self.picture.astype(np.float32), crop.astype(np.float32)
-        contrasts = [image[overlap].std(0) + MODEL.min_contrast_grey for image in (own, other)]
+        mask = overlap.astype(np.uint8)
+        contrasts = [cv2.meanStdDev(image, mask=mask)[1][:, 0] + MODEL.min_contrast_grey for image in (own, other)]
         gain = np.clip(contrasts[0] / contrasts[1], 1 / MODEL.max_gain, MODEL.max_gain)
-        matched = other * gain
+        matched = other * gain.astype(np.float32)
         weight = cell_means(overlap.astype(np.float32), self._cells)
         difference = cell_means((own - matched) * overlap[..., None], self._cells)  # (n, n, 3), times the weight
         mean = difference.sum((0, 1)) / weight.sum()
