@@ -7,6 +7,7 @@ from fractions import Fraction
 from itertools import islice
 from pathlib import Path
 
+import cv2
 import pytest
 
 from ar_demo.media.reader import VideoReader
@@ -67,3 +68,11 @@ def test_tracker_alone(clip: str) -> None:
     lines = run("tracker_alone", clip, *QUAD).splitlines()
     assert len(lines) == 20
     assert all("tracked" in line for line in lines)
+
+
+def test_map_of_a_plane(clip: str, tmp_path: Path) -> None:
+    run("map_of_a_plane", clip, str(tmp_path / "map.png"), *QUAD)
+    picture = cv2.imread(str(tmp_path / "map.png"))
+    assert picture is not None
+    third = picture.shape[1] // 3
+    assert (picture[:, -third:] > 40).mean() > (picture[:, :third] > 40).mean()  # it has grown, and proved

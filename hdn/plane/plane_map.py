@@ -62,6 +62,7 @@ class PlaneMapModel:
     # Frames in a row in which a cell did not agree, from which it may be something in front, and gives way to what is
     # seen now; each time that it does they double, since what moves behind the plane would do so for ever.
     patience: int = 10
+    max_agreed: float = 0.1  # share of the frames in which it was seen, up to which a cell gives way: what agreed stays
 
     # Alignment.
     trusted: float = 0.35  # from which a cell is taken to lie on the plane
@@ -245,7 +246,7 @@ class PlaneMap:
             inside, agree: (n, n) the cells that lie in the frame, and those around the target that agree.
         """
         texture = self.texture
-        refuted = (self._failed >= self._patience) & (2 * self.agreed < self.seen) & inside
+        refuted = (self._failed >= self._patience) & (self.agreed <= MODEL.max_agreed * self.seen) & inside
         missing = self._missing & inside
         if not (refuted | missing).any():
             return
