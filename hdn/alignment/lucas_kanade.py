@@ -205,7 +205,10 @@ class Level:
         """
         y, x = self._at
         trusted = trust[y * len(trust) // self.height, x * len(trust) // self.width]
-        tells_noise = trusted > MODEL.min_relative_trust * trusted.max()
+        tells_noise = trusted > MODEL.min_relative_trust * trusted.max(initial=0)
+        if not tells_noise.any():
+            unknown = np.eye(8) / MODEL.weak_prior
+            return Fit(prior_warp, prior_covariance, unknown)
         prior = np.linalg.inv(prior_covariance) / self._standard_pixel**2
         information = prior + constraint.information
         weighted_mean = prior @ self._parameters(prior_warp) + constraint.weighted_mean

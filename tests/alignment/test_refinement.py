@@ -126,3 +126,11 @@ def test_flat_beside_busy_stays_finite(seed: int) -> None:
     image = np.full((160, 126), 100, np.float32)
     image[:60] += np.random.default_rng(seed).uniform(-90, 90, (60, 126))
     assert np.isfinite(normalise(image, 33)).all()
+
+
+def test_where_nothing_may_be_looked_at_the_pose_stays_as_expected(scene: Scene) -> None:
+    refiner = Refiner(Observation(scene.draw(scene.quad)), scene.quad)
+    nothing = np.zeros((8, 8), np.float32)
+    alignment = refiner.align(Observation(scene.draw(None)), np.eye(3), nothing)
+    assert np.allclose(alignment.homography, np.eye(3), atol=1e-6)
+    assert refiner.deviation(np.eye(3), alignment.measured) > 50
