@@ -90,19 +90,26 @@ class Expectation(NamedTuple):
 
 
 class FrameSearch:
-    """The search for a target in one frame, from its last pose."""
+    """The search for a target in one frame, from its last pose.
+
+    Attributes:
+        is_lost: whether that pose says so little that nothing is to be expected from it.
+        is_hard: whether the target was not found just like that.
+    """
 
     def __init__(self, target: Target, pose: Pose, frame: Observation) -> None:
         self._target, self._pose, self._frame = target, pose, frame
         self._proposal: Proposal | None = None
-        self.is_hard = False  # whether the target was not found just like that, so that its plane was looked at
+        self.is_lost = not target.is_holdable(pose.homography, pose.covariance)
+        self.is_hard = False
 
-    def nearby(self, is_lost: bool) -> Candidate:
-        """The best candidate about the last pose: HDN's stages, refined; where little supports that, expected poses.
+    @property
+    def looks_at_plane(self) -> bool:
+        """Whether the target's plane was looked at."""
+        return self.is_hard and not self.is_lost
 
-        Args:
-            is_lost: whether the last pose says little: nothing is to be expected then.
-        """
+    def nearby(self) -> Candidate:
+        """The best candidate about the last pose: HDN's stages, refined; where little supports that, expected poses."""
         proposal = self._proposal = self._propose(self._pose.homography)
         if not self._target.is_refined:
             return _unrefined(proposal)
@@ -110,7 +117,7 @@ class FrameSearch:
         if best.support >= MODEL.sure_support:
             return best
         self.is_hard = True
-        if not is_lost:
+        if self.looks_at_plane:
             # Where much is hidden, what the visible part leaves open had better follow its plane.
             expected = self.expectation
             candidate = self._aligned(expected.homography, proposal, expected.covariance, expected.blur, self.seen)
@@ -121,7 +128,7 @@ class FrameSearch:
             # A large motion is found in two goes: the second starts where the first came to.
             again = self._propose(proposal.homography)
             best = max(best, self._aligned(again.homography, again), key=lambda candidate: candidate.support)
-        for start in () if is_lost else (self._pose.predicted, self._pose.homography):
+        for start in (self._pose.predicted, self._pose.homography) if self.looks_at_plane else ():
             candidate = self._aligned(start, proposal, blur=self.expectation.blur)
             if candidate.support > best.support - MODEL.support_margin:
                 return self._or_by_keypoints(candidate)
@@ -134,12 +141,9 @@ class FrameSearch:
         found = self._target.redetector.find(self._frame)
         if found is None or not self._target.is_plausible(found) or self._proposal is None:
             return candidate
-        matched = self._aligned(
-            found,
-            self._proposal,
-            blur=candidate.alignment.prior.blur if candidate.alignment else NO_BLUR,
-            seen=self._target.occlusion.seen(self._frame, found),
-        )
+        blur = candidate.alignment.prior.blur if candidate.alignment else NO_BLUR
+        seen = self._target.occlusion.seen(self._frame, found)
+        matched = self._aligned(found, self._proposal, blur=blur, seen=seen)
         return matched if matched.support > candidate.support + MODEL.support_margin else candidate
 
     def anywhere(self) -> Candidate:
@@ -266,9 +270,9 @@ class FrameSearch:
         agrees = agreement.agrees_surely & agreement.textured
         if not self.is_hard:
             return _parts(agrees | ~agreement.textured)
-        return _parts(agrees & agreement.in_frame) * np.clip(
-            MODEL.visibility_gain * self.seen - MODEL.matte_offset, 0, 1
-        )
+        seen = self.seen if self.looks_at_plane else self._target.occlusion.seen(self._frame, candidate.homography)
+        surely = np.clip(MODEL.visibility_gain * seen - MODEL.matte_offset, 0, 1)
+        return _parts(agrees & agreement.in_frame) * surely
 
 
 def _unrefined(proposal: Proposal) -> Candidate:

@@ -187,8 +187,7 @@ class Tracker:
         target, pose = self._initialised()
         seen = _observed(frame)
         search = FrameSearch(target, pose, seen)
-        is_lost = not target.is_holdable(pose.homography, pose.covariance)
-        candidate, is_found = _found(search, pose, is_lost)
+        candidate, is_found = _found(search, pose)
         blur = NO_BLUR
         measured: Array | None = None
         if is_found:
@@ -196,9 +195,9 @@ class Tracker:
             pose = pose.found(candidate.homography, candidate.covariance, speed)
             if candidate.alignment is not None:
                 blur, measured = candidate.alignment.blur, candidate.alignment.measured
-        elif is_lost:
+        elif search.is_lost:
             pose = pose.not_found(pose.homography, pose.covariance)
-        elif search.is_hard and search.expectation.is_measured:
+        elif search.looks_at_plane and search.expectation.is_measured:
             expected = search.expectation
             pose, blur = pose.not_found(expected.homography, expected.covariance), expected.blur
             measured = None if expected.by_map is None else expected.by_map.measured
@@ -218,9 +217,9 @@ class Tracker:
         return self._state
 
 
-def _found(search: FrameSearch, pose: Pose, is_lost: bool) -> tuple[Candidate, bool]:
+def _found(search: FrameSearch, pose: Pose) -> tuple[Candidate, bool]:
     """The best candidate of a frame, and whether it shows the target; if so, it is finely aligned."""
-    candidate = search.nearby(is_lost)
+    candidate = search.nearby()
     is_found = search.is_found(candidate)
     if not is_found and pose.missed >= MODEL.search_after_frames:
         elsewhere = search.anywhere()
@@ -258,7 +257,7 @@ def _estimate(
         evidence=candidate.evidence,
         blur=np.zeros((2, 2)) if alignment is None else refiner.frame_blur(alignment),
         covariance=None if measured is None else refiner.corner_covariance(homography, measured),
-        step=_step(target, search) if search.is_hard else None,
+        step=_step(target, search) if search.looks_at_plane else None,
     )
 
 
