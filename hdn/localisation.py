@@ -16,6 +16,7 @@ from .evidence import THRESHOLDS, Evidence, is_fix
 from .imaging.arrays import Array, Floats, Mask
 from .imaging.homography import normalised
 from .imaging.observation import Observation
+from .imaging.quads import side
 from .plane.motion import Step, plane_step
 from .plane.plane_map import MapPose
 from .proposal import Proposal
@@ -40,6 +41,11 @@ class SearchModel:
     # The same by the matte network, which tells more finely and surely: nothing below 0.5, all above 0.75.
     matte_offset: float = 2.0
     min_matte: float = 0.1  # share of the target that it sees, below which it tells nothing: the pose may be wrong
+
+    # How far from an expected pose that was measured a target may be: standard deviations of it, and beyond that a share
+    # of its size. What lies farther has to be sure.
+    likely_deviations: float = 3.0
+    likely_ratio: float = 0.1
 
     # Of what the frame's likeness to the template lacks to 1, that may be left for a blur to be believed.
     max_lack_left: float = 0.85
@@ -144,7 +150,8 @@ class FrameSearch:
         blur = candidate.alignment.prior.blur if candidate.alignment else NO_BLUR
         seen = self._target.occlusion.seen(self._frame, found)
         matched = self._aligned(found, self._proposal, blur=blur, seen=seen)
-        return matched if matched.support > candidate.support + MODEL.support_margin else candidate
+        is_better = matched.support > candidate.support + MODEL.support_margin
+        return matched if is_better and not self._is_unlikely(matched) else candidate
 
     def anywhere(self) -> Candidate:
         """The best candidate in the whole frame, for a lost target: by keypoints in some frames, else by HDN."""
@@ -160,7 +167,21 @@ class FrameSearch:
     def is_found(self, candidate: Candidate) -> bool:
         """Whether a candidate shows the target; after frames without it, its corners have to be sure as well."""
         is_known = self._pose.missed == 0 or self._target.is_known(candidate.homography, candidate.covariance)
-        return is_known and is_fix(candidate.evidence)
+        return is_known and is_fix(candidate.evidence) and not self._is_unlikely(candidate)
+
+    def _is_unlikely(self, candidate: Candidate) -> bool:
+        """Whether a candidate is far from where the target has to be, and not supported well enough for that.
+
+        Patterns that repeat agree in many places.
+        """
+        if not self.looks_at_plane or candidate.support >= MODEL.sure_support:
+            return False
+        expected = self.expectation
+        corners = self._target.corners(expected.homography)
+        distance = np.linalg.norm(self._target.corners(candidate.homography) - corners, axis=1).mean()
+        deviation = self._target.refiner.deviation(expected.homography, expected.covariance)
+        allowed = MODEL.likely_deviations * deviation + MODEL.likely_ratio * side(corners)
+        return expected.is_measured and bool(distance > allowed)
 
     def finely_aligned(self, candidate: Candidate) -> Candidate:
         """The candidate that was chosen, aligned to the last fractions of a pixel."""
