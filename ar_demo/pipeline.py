@@ -129,7 +129,7 @@ class _Mapped:
         """The map (h, w, 3) after tracking."""
         if self._first is None:
             raise InputError("nothing was tracked, so there is no map: leave --save-map out")
-        return self._first.map_picture
+        return self._first.map_picture()
 
 
 def default_output(input: Path) -> Path:

@@ -42,8 +42,8 @@ class SearchModel:
     matte_offset: float = 2.0
     min_matte: float = 0.1  # share of the target that it sees, below which it tells nothing: the pose may be wrong
 
-    # How far from an expected pose that was measured a target may be: standard deviations of it, and beyond that a share
-    # of its size. What lies farther has to be sure.
+    # How far from an expected pose that was measured a target may be: standard deviations of it, and a share of its
+    # size beyond. What lies farther has to be sure.
     likely_deviations: float = 3.0
     likely_ratio: float = 0.1
 

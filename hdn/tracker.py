@@ -129,7 +129,6 @@ class Tracker:
         """The last pose (3, 3), reference-frame pixels to those of the last frame. Raises InputError before `init`."""
         return self.pose.homography
 
-    @property
     def map_picture(self) -> Image:
         """The map of the target's plane as it is known by now: RGB (h, w, 3), rectified. See `PlaneMap.picture`."""
         return self.target.plane.picture

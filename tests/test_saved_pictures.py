@@ -21,7 +21,6 @@ FRAMES = 5
 class Mapping(Still):
     """A tracker with a map: a picture of the one colour."""
 
-    @property
     def map_picture(self) -> Image:
         return np.full((30, 50, 3), (200, 100, 50), np.uint8)
 
@@ -46,6 +45,14 @@ def test_the_map_is_saved_as_a_picture(clip: Path, surface: Surface, tmp_path: P
     assert picture.shape == (30, 50, 3)
     assert (picture == (50, 100, 200)).all()  # OpenCV's order is BGR
     assert list(tmp_path.iterdir()) == [out]
+
+
+def test_our_tracker_has_a_map(clip: Path, surface: Surface, tmp_path: Path) -> None:
+    out = tmp_path / "map.png"
+    track(clip, surface, save_map=out)
+    picture = cv2.imread(str(out))
+    assert picture is not None
+    assert picture.std() > 10  # it shows something
 
 
 def test_a_tracker_without_a_map_is_refused(clip: Path, surface: Surface, tmp_path: Path) -> None:

@@ -63,7 +63,6 @@ class PlanarTracker(Protocol):
 class MappingTracker(PlanarTracker, Protocol):
     """A tracker that keeps a map of its target's plane."""
 
-    @property
     def map_picture(self) -> Image:
         """RGB (h, w, 3): the map as far as it is known, dimmed where it is unsure."""
 
