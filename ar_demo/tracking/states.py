@@ -27,7 +27,7 @@ class JudgementModel:
     held_most_px: float = 8.0
     held_most_ratio: float = 8 / 1280
     held_size_ratio: float = 0.05
-    area_leap: float = 1.5  # ratio by which a held surface's area may differ from what the tracked ones around say
+    area_leap: float = 1.5  # ratio by which a held surface's area may differ from what tracked ones on both sides say
     worth_telling_frames: int = 8  # of a stretch that is not tracked, for a warning
     merged_frames: int = 15  # between two stretches, up to which they are told as one
 
@@ -55,7 +55,9 @@ def judged(
     if tracked.any():
         frames = np.arange(len(corners))
         expected = np.interp(frames, frames[tracked], np.log(sizes[tracked]))
-        held &= np.abs(2 * (np.log(np.maximum(sizes, 1e-9)) - expected)) < np.log(MODEL.area_leap)
+        is_between = (frames >= frames[tracked][0]) & (frames <= frames[tracked][-1])
+        leap = np.abs(2 * (np.log(np.maximum(sizes, 1e-9)) - expected))
+        held &= ~is_between | (leap < np.log(MODEL.area_leap))
     for i in np.flatnonzero(tracked | held):
         states[i] = "tracked" if tracked[i] else "held"
     return states
