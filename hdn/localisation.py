@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from .alignment.agreement import CELLS
@@ -265,7 +264,7 @@ class FrameSearch:
             blur: (2, 2) px^2 of the standard crop, by which the frame is expected to be blurrier than the template.
             seen: (PARTS, PARTS) what the matte network sees; None, or too little, leaves that to HDN.
         """
-        parts, offset = _cells(proposal.visible), MODEL.visibility_offset
+        parts, offset = as_cells(proposal.visible), MODEL.visibility_offset
         if seen is not None and seen.mean() > MODEL.min_matte:
             parts, offset = seen, MODEL.matte_offset
         weights = np.clip(MODEL.visibility_gain * parts - offset, MODEL.min_visibility, 1)
@@ -302,12 +301,7 @@ def _unrefined(proposal: Proposal) -> Candidate:
     is_scored = min(proposal.score, proposal.polar_score) >= THRESHOLDS.trusted_score
     found = float(is_scored and visible >= THRESHOLDS.min_visible)
     evidence = Evidence(proposal.score, proposal.polar_score, proposal.residual, visible, found, found)
-    return Candidate(proposal.homography, evidence, _cells(proposal.visible))
-
-
-def _cells(visible: Floats) -> Floats:
-    """A map (m, m) of the target, of any resolution, as (8, 8)."""
-    return np.asarray(cv2.resize(visible, (CELLS, CELLS), interpolation=cv2.INTER_AREA), np.float32)
+    return Candidate(proposal.homography, evidence, as_cells(proposal.visible))
 
 
 def _parts(cells: Mask) -> Floats:

@@ -17,6 +17,7 @@ from .plane.occlusion import Occlusion
 from .plane.plane_map import PlaneMap
 from .proposal import Proposer, Stage
 from .redetection import Redetector
+from .state import BOUNDS
 
 PARTS = 4 * CELLS  # along either side of a target, that are told to be seen or hidden
 
@@ -27,17 +28,6 @@ class PoseModel:
 
     min_magnification: float = 0.01  # area of a target in a frame, to that in the reference frame
     max_magnification: float = 50.0
-    # Standard deviation of the corners up to which a pose counts as known: px, or as a share of the target's size,
-    # whichever is more ...
-    known_px: float = 1.0
-    known_ratio: float = 0.025
-    # ... and up to which its error is hardly seen: px, or as a share of the frame's longer side, whichever is more.
-    sharp_px: float = 2.0
-    sharp_ratio: float = 3 / 1280
-    # Up to which a pose that is not known is held: px, or as a share of the frame's longer side, or of the target's.
-    held_px: float = 8.0
-    held_ratio: float = 8 / 1280
-    held_size_ratio: float = 0.05
     # Standard deviations of the eight parameters of a pose, px at the edge of the standard crop: affine four,
     # translation, perspective. Of one that is given:
     given_deviation_px: tuple[float, ...] = (0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15, 0.15)
@@ -139,20 +129,19 @@ class Target:
 
         Without refinement nothing tells how sure they are, and any are.
         """
-        size = side(self.corners(homography))
-        most = max(MODEL.known_px, MODEL.known_ratio * size)
-        return not self.is_refined or self.refiner.deviation(homography, covariance) <= most
+        return self._is_within(BOUNDS.known(side(self.corners(homography))), homography, covariance)
 
     def is_sharp(self, homography: Array, covariance: Array) -> bool:
         """Whether a pose that is known is as sure as 'tracked' promises: whether its error is hardly seen."""
-        most = max(MODEL.sharp_px, MODEL.sharp_ratio * self.frame_side)
-        return not self.is_refined or self.refiner.deviation(homography, covariance) <= most
+        return self._is_within(BOUNDS.sharp(self.frame_side), homography, covariance)
 
     def is_holdable(self, homography: Array, covariance: Array) -> bool:
         """Whether a pose is sure enough to be held."""
-        size = side(self.corners(homography))
-        most = max(MODEL.held_px, MODEL.held_ratio * self.frame_side, MODEL.held_size_ratio * size)
-        return not self.is_refined or self.refiner.deviation(homography, covariance) <= most
+        return self._is_within(BOUNDS.held(side(self.corners(homography)), self.frame_side), homography, covariance)
+
+    def _is_within(self, most: Array | float, homography: Array, covariance: Array) -> bool:
+        """Whether the corners' standard deviation is at most so many px; without refinement nothing tells it."""
+        return not self.is_refined or bool(self.refiner.deviation(homography, covariance) <= most)
 
 
 @dataclass(frozen=True)

@@ -8,25 +8,15 @@ from numpy.typing import NDArray
 
 from hdn.imaging.arrays import Array
 from hdn.imaging.quads import is_convex, side
-from hdn.state import State
+from hdn.state import BOUNDS, State
 
 from .segments import segments
 
 
 @dataclass(frozen=True)
 class JudgementModel:
-    """Bounds of what counts as tracked and held: standard deviations of the corners."""
+    """What a held surface may be, and which stretches are worth a warning; how sure it is, `BOUNDS` says."""
 
-    # Of tracked corners: as a share of the surface's size, and at least so many px, but never more than is seen: px, or
-    # as a share of the frame's longer side, whichever is more.
-    tracked_ratio: float = 0.025
-    tracked_least_px: float = 1.0
-    tracked_most_px: float = 2.0
-    tracked_most_ratio: float = 3 / 1280
-    # Of held corners: px, or as a share of the frame's longer side or of the surface's size, whichever is more.
-    held_most_px: float = 8.0
-    held_most_ratio: float = 8 / 1280
-    held_size_ratio: float = 0.05
     area_leap: float = 1.5  # ratio by which a held surface's area may differ from what tracked ones on both sides say
     worth_telling_frames: int = 8  # of a stretch that is not tracked, for a warning
     merged_frames: int = 15  # between two stretches, up to which they are told as one
@@ -47,10 +37,8 @@ def judged(
     """
     states: list[State] = ["lost"] * len(corners)
     sizes = np.array([side(c) for c in corners])
-    seen = max(MODEL.tracked_most_px, MODEL.tracked_most_ratio * frame_side)
-    tracked = agrees & (deviation <= np.clip(MODEL.tracked_ratio * sizes, MODEL.tracked_least_px, seen))
-    most = max(MODEL.held_most_px, MODEL.held_most_ratio * frame_side)
-    held = may_hold & (deviation <= np.maximum(most, MODEL.held_size_ratio * sizes))
+    tracked = agrees & (deviation <= np.minimum(BOUNDS.known(sizes), BOUNDS.sharp(frame_side)))
+    held = may_hold & (deviation <= BOUNDS.held(sizes, frame_side))
     held &= np.array([is_convex(c) for c in corners], bool)
     if tracked.any():
         frames = np.arange(len(corners))

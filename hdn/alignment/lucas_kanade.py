@@ -165,7 +165,7 @@ class Level:
 
     def crop(self, frame: Pyramid, homography: Array) -> Grey:
         """A grey frame rectified by a homography (3, 3), template to frame: (h, w) grey levels."""
-        # Nothing outside the quad is looked at: what lies there may move on its own.
+        # Nothing outside the target and its margin is looked at: what lies there may move on its own.
         return frame.crop(homography @ self.to_template, self.width, self.height).astype(np.float32)
 
     def in_frame(self, frame: Pyramid, homography: Array) -> Mask:
@@ -193,7 +193,7 @@ class Level:
         prior_warp: Array,
         prior_covariance: Array,
         constraint: WarpConstraint = UNCONSTRAINED,
-    ) -> "Fit":
+    ) -> Fit:
         """Aligns a rectified frame with the template.
 
         Args:

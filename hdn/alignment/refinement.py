@@ -10,7 +10,7 @@ import numpy as np
 
 from ..imaging.arrays import Array, Floats, Grey, Image, Mask
 from ..imaging.blur import relative_blur, spectral_blur
-from ..imaging.homography import derivative, from_corners, normalised, transform
+from ..imaging.homography import derivative, normalised, transform
 from ..imaging.observation import Observation
 from ..imaging.quads import outline, side
 from .agreement import CELLS, Agreement, cell_means
@@ -147,8 +147,6 @@ class Refiner:
         borders = [Border(frame.colour, v.to_template, v.width, v.height) for v in (self._coarse, self._standard)]
         self._borders = borders if is_vague and all(border.is_distinct for border in borders) else []
         self._blurred: dict[tuple[int, bytes], Level] = {}
-        y, x = np.mgrid[:CELLS, :CELLS]
-        self._cell_centres = transform(from_corners(outline(CELLS, CELLS), quad), np.stack([x, y], -1))
         raw = frame.grey.crop(self._standard.to_template, *standard).astype(np.float32)
         surroundings = cv2.GaussianBlur(raw, (0, 0), max(standard) / MODEL.side_to_surroundings)
         texture = cell_means(np.abs(raw - surroundings))
@@ -273,7 +271,7 @@ class Refiner:
 
     def _compare(self, level: Level, frame: Observation, homography: Array) -> tuple[Grey, Agreement]:
         search = level.rectify(frame.grey, homography)
-        return search, Agreement(level.correlation(search), self._in_frame(frame, homography), self.textured)
+        return search, Agreement(level.correlation(search), level.in_frame(frame.grey, homography), self.textured)
 
     def _matched(self, level: Level, blur: Array) -> Level:
         if _variance(blur) < MODEL.min_matched_variance_px2:
@@ -331,12 +329,6 @@ class Refiner:
     def _clear_correlation(self, correlation: Floats) -> float:
         """How well a clear cell agrees, in this frame's blur and noise: the best cells (8, 8) show it."""
         return float(np.quantile(correlation[self.textured], MODEL.clear_quantile)) if self.textured.any() else 0.0
-
-    def _in_frame(self, frame: Observation, homography: Array) -> Mask:
-        """Which cells (8, 8) have their centre in the frame, by a pose (3, 3)."""
-        centres = transform(homography, self._cell_centres)
-        w, h = frame.colour.size
-        return np.asarray(((centres > -0.5) & (centres < [w - 0.5, h - 0.5])).all(-1))
 
 
 def deviation_of(covariance: Array) -> float:

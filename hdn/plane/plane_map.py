@@ -202,8 +202,9 @@ class PlaneMap:
         """
         is_blurred = np.abs(blur).max() > MODEL.min_matched_variance_px2
         level, pose = self.level.matched(blur) if is_blurred else self.level, start
+        trusted = self._is_trusted & (seen > 0.5)
         for _ in range(MODEL.steps):
-            known = self._is_trusted & (seen > 0.5) & level.in_frame(frame, pose)
+            known = trusted & level.in_frame(frame, pose)
             if known.sum() < MODEL.min_cells:
                 return None
             search = level.rectify(frame, pose)
@@ -215,7 +216,7 @@ class PlaneMap:
                 return None
             if level.corner_motion(fit.warp) < MODEL.settled_px:
                 break
-        known = self._is_trusted & (seen > 0.5) & level.in_frame(frame, pose)
+        known = trusted & level.in_frame(frame, pose)
         if known.sum() < MODEL.min_cells:
             return None
         agrees = level.correlation(level.rectify(frame, pose)) > MODEL.min_correlation

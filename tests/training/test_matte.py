@@ -5,7 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import cv2
 import pytest
 import torch
 from torch import Tensor, nn
@@ -20,16 +19,6 @@ from hdn.training.matte import KINDS, MatteObjective, matte_figures
 from ..scenes import texture
 
 CPU = torch.device("cpu")
-
-
-@pytest.fixture(scope="module")
-def images(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("images")
-    for source, count in (("bsds500", 4), ("kodak", 2)):
-        (folder / source).mkdir()
-        for i in range(count):
-            cv2.imwrite(str(folder / source / f"{i}.png"), texture(i, 200, 160))
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -47,16 +47,6 @@ def shipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def images(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("images")
-    for source, count in (("bsds500", 4), ("kodak", 2)):
-        (folder / source).mkdir()
-        for i in range(count):
-            cv2.imwrite(str(folder / source / f"{i}.png"), texture(i, 200, 160))
-    return folder
-
-
-@pytest.fixture(scope="module")
 def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("clips") / "GOT-10k_Train_000001"
     folder.mkdir()
