@@ -9,7 +9,7 @@ Lost = Literal["hold", "fade", "hide"]
 Effect = Literal["replace", "mosaic", "blur", "outline"]
 AudioMode = Literal["source", "ad", "mix", "none"]
 Backend = Literal["auto", "egl", "osmesa", "opencv"]
-Depth = Literal["8", "source"]
+Depth = Literal["8", "10", "12", "source"]
 Device = Literal["auto", "cpu", "cuda"]
 
 CHOICES: dict[str, tuple[str, ...]] = {

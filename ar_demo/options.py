@@ -39,9 +39,9 @@ class OutputOptions:
     Attributes:
         audio: whose sound it has.
         backend: what draws.
-        codec: encoder by FFmpeg's name; None takes the container's usual.
+        codec: of `media.codecs`, or an encoder by FFmpeg's name; None takes the container's usual.
         crf: quality of the encoder, lower is better; None takes the codec's usual.
-        depth: bits a sample: 8, or as many as the source has, and its chroma, where the codec takes that.
+        depth: bits a sample: 8, 10, 12, or as many as the source has, and its chroma, where the codec takes that.
         overwrite: whether an existing output may be replaced.
 
     Raises:

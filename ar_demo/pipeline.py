@@ -8,8 +8,8 @@ from pathlib import Path
 from hdn.imaging.arrays import Image
 
 from .errors import InputError
+from .media.codecs import check_video_name
 from .media.pictures import check_picture_name, write_picture
-from .media.writer import check_video_name
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, silent
 from .rendering.painting import check_ad

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from .errors import InputError
 from .media.audio import Audio
+from .media.codecs import holds_sound
 from .media.reader import IndexDropped, VideoReader
 from .media.threads import ahead, behind
 from .media.writer import VideoWriter
@@ -116,10 +117,11 @@ class Session(AbstractContextManager["Session"]):
     ) -> Result:
         started, info = time.perf_counter(), self.reader.info
         heard = next((surface for surface in surfaces if surface.ad is not None), surfaces[0])
-        audio = Audio(options.audio, self.reader.path, Path(heard.ad) if heard.ad else None, heard.playback)
-        deep = options.depth == "source" and info.depth > 8
+        sound = options.audio if holds_sound(output) else "none"
+        audio = Audio(sound, self.reader.path, Path(heard.ad) if heard.ad else None, heard.playback)
+        depth = info.depth if options.depth == "source" else int(options.depth)
         with (
-            VideoReader(self.reader.path, depth=16 if deep else 8) as reader,
+            VideoReader(self.reader.path, depth=16 if depth > 8 else 8) as reader,
             Renderer(self.reader, surfaces, options.backend) as renderer,
             VideoWriter(
                 output,
@@ -131,7 +133,7 @@ class Session(AbstractContextManager["Session"]):
                 audio=audio,
                 time_base=info.time_base,
                 pixel_aspect=info.pixel_aspect,
-                depth=info.depth if deep else 8,
+                depth=depth,
                 pixel_format=info.pixel_format if options.depth == "source" else None,
             ) as writer,
             ahead(reader.frames(0, renderer.length)) as frames,
@@ -144,6 +146,8 @@ class Session(AbstractContextManager["Session"]):
                 count += 1
                 show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.image)
             warnings = [*tracks_warnings(tracks, self.reader.warnings), *self.reader.warnings, *reader.warnings]
+            if sound != options.audio and info.has_audio:
+                warnings.append(f"{output.suffix} holds no sound: it is left out")
             if count < length:
                 warnings.append(
                     f"{self.reader.path} has only {count} of the track's {length} frames: the rest is left out"

@@ -74,11 +74,15 @@ def replace_parser() -> Parser:
     add("--audio", choices=CHOICES["audio"], help="whose sound (default: source)")
     add("--backend", choices=CHOICES["backend"], help="what draws (default: auto)")
     add("--crf", type=float, help="quality, lower is better")
-    add("--codec", help="encoder by FFmpeg's name, such as libx264 or libx265")
+    add(
+        "--codec",
+        help="h264, h265, av1, vp9, prores, prores4444, dnxhr, animation or ffv1 (default: the container's usual), or "
+        "an encoder by FFmpeg's name",
+    )
     add(
         "--depth",
         choices=CHOICES["depth"],
-        help="bits a sample: 8 (default), or as many as the source has, with its chroma",
+        help="bits a sample: 8 (default), 10, 12, or as many as the source has, with its chroma",
     )
     _add_common(parser)
     return parser

@@ -9,7 +9,6 @@ import os
 import secrets
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
-from io import BytesIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any, cast
@@ -24,34 +23,15 @@ from av.video.stream import VideoStream
 from hdn.imaging.arrays import Picture
 
 from ..errors import InputError, RunError
+from . import codecs
 from .audio import Audio
 from .color import FromRGB
+from .palette import ToPalette
 
 log = logging.getLogger(__name__)
 
-# Suffix -> (FFmpeg's muxer, its default codec).
-CONTAINERS = {
-    ".mp4": ("mp4", "libx264"),
-    ".m4v": ("mp4", "libx264"),
-    ".mov": ("mov", "libx264"),
-    ".mkv": ("matroska", "libx264"),
-    ".webm": ("webm", "libvpx-vp9"),
-}
 DEFAULT_CRF = 18  # visually lossless in H.264
-# Pixel formats of 8 bits by preference, or what codecs have that know none; the second row keeps odd sizes.
-_EVEN_FORMATS = ("yuv420p", "yuv422p", "yuv422p10le", "yuv444p", "gbrp", "rgb24")
-_ODD_FORMATS = ("yuv444p", "yuv444p10le", "gbrp", "rgb24")
-# The same of more bits.
-_EVEN_DEEP_FORMATS = ("yuv420p{depth}le", "yuv422p{depth}le", "yuv444p{depth}le", "gbrp{depth}le")
-_ODD_DEEP_FORMATS = ("yuv444p{depth}le", "gbrp{depth}le")
-_DEEP_CODECS = ("libx264", "libx265", "libsvtav1", "libvpx-vp9", "prores_ks", "ffv1")  # proposed for more bits
 _AVCOL_RGB, _AVCOL_BT709 = 0, 1  # H.273's numbers; BT.709 is 1 as matrix, primaries and transfer alike
-
-
-def check_video_name(path: Path) -> None:
-    """Raises InputError for a name whose ending is not that of a container that we write."""
-    if path.suffix.lower() not in CONTAINERS:
-        raise InputError(f"{path}: output must end in one of {', '.join(CONTAINERS)}")
 
 
 class VideoWriter:
@@ -80,10 +60,10 @@ class VideoWriter:
         """Begins a file.
 
         Args:
-            path: .mp4, .m4v, .mov, .mkv or .webm in a folder that exists.
+            path: in a folder that exists, with the ending of one of `codecs.CONTAINERS`.
             width, height: of the frames, px.
             rate: average frames per second, a hint for players; `write` says the times.
-            codec: an FFmpeg encoder; None for H.264 (VP9 in WebM).
+            codec: of `codecs.CODECS`, or an encoder by FFmpeg's name; None for the container's usual.
             crf: quality, lower is better, where the codec knows it: 0 to 51 (63 in VP9 and AV1).
             audio: the sound; None for none.
             time_base: seconds per tick in which all frame times are whole (the source's); None takes one for `rate`.
@@ -98,28 +78,33 @@ class VideoWriter:
             RunError: the file cannot be begun.
         """
         self.path = Path(path)
-        check_video_name(self.path)
+        chosen = codecs.choose(self.path, codec)
         if not self.path.parent.is_dir():
             raise InputError(f"folder {self.path.parent} of the output does not exist: create it first")
-        muxer, default_codec = CONTAINERS[self.path.suffix.lower()]
-        codec = codec or default_codec
-        pix_fmt = _pixel_format(codec, muxer, width, height, depth, pixel_format)
+        suffix = self.path.suffix.lower()
+        container = codecs.CONTAINERS[suffix]
+        pix_fmt = codecs.pixel_format(chosen, suffix, width, height, depth, pixel_format)
+        if (width % 2 or height % 2) and pix_fmt.startswith("yuv444"):
+            log.warning("odd size %dx%d is written as 4:4:4, which some players do not show", width, height)
 
         self._size = width, height
         self._rate = Fraction(rate)
-        self._time_base = time_base or _fine_time_base(self._rate)
+        self._time_base = container.tick or time_base or _fine_time_base(self._rate)
+        self._least_ticks = container.least_ticks
         self._audio = audio
-        self._from_rgb = FromRGB(pix_fmt)
+        self._from_rgb = ToPalette(width, height) if pix_fmt == "pal8" else FromRGB(pix_fmt)
         self._start: Fraction | None = None  # time of the first frame
         self._kept: Packet[VideoStream] | None = None
         self._first_dts = 0
         self._last = self._end = Fraction(0)  # of the newest frame
+        self._leaves_out = False
+        self._pts = 0  # of the newest frame, ticks
         self._count = 0
         self._part = self.path.with_name(f".{self.path.stem}.{secrets.token_hex(4)}.part{self.path.suffix}")
-        options = {"movflags": "+faststart"} if muxer in ("mp4", "mov") else {}
         try:
-            self._container = av.open(str(self._part), "w", format=muxer, container_options=options)
-            self._stream = self._add_stream(codec, crf, pix_fmt, pixel_aspect, fast)
+            options = dict(container.options)
+            self._container = av.open(str(self._part), "w", format=container.muxer, container_options=options)
+            self._stream = self._add_stream(chosen, crf, pix_fmt, pixel_aspect, fast)
             if audio is not None:
                 audio.attach(self._container)
             self._container.start_encoding()
@@ -128,14 +113,15 @@ class VideoWriter:
             if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EPERM):
                 raise self._failed(error) from error
             raise InputError(
-                f"codec {codec} cannot write {width}x{height} to {self.path.suffix}: choose another codec or container"
+                f"codec {chosen.name} cannot write {width}x{height} to {self.path.suffix}: "
+                "choose another codec or container"
             ) from error
         except BaseException:
             self._discard()
             raise
         if crf is not None and "crf" in self._stream.codec_context.options:  # FFmpeg leaves what it did not use
             self._discard()
-            raise InputError(f"codec {codec} knows no crf: leave --crf out, or choose libx264, libx265 or libvpx-vp9")
+            raise InputError(f"codec {chosen.name} knows no crf: leave --crf out, or choose h264, h265, av1 or vp9")
 
     def __enter__(self) -> VideoWriter:
         return self
@@ -174,10 +160,14 @@ class VideoWriter:
             raise ValueError(f"frame time {time} is not later than {self._last}")
         self._last = time
         self._end = time + (duration or 1 / self._rate)
+        pts = round((time - self._start) / self._time_base)
+        if self._count and pts - self._pts < self._least_ticks:
+            self._say_left_out()
+            return
+        self._pts = pts
         self._count += 1
         frame = self._from_rgb(image)
-        frame.time_base = self._time_base
-        frame.pts = round((time - self._start) / self._time_base)
+        frame.time_base, frame.pts = self._time_base, pts
         frame.duration = round((duration or 1 / self._rate) / self._time_base)
         start = self._start
         if self._audio is not None:
@@ -187,16 +177,20 @@ class VideoWriter:
 
     # ---- inside ----
 
+    def _say_left_out(self) -> None:
+        if not self._leaves_out:
+            most = 1 / (self._least_ticks * self._time_base)
+            log.warning("%s shows at most %d frames a second: frames are left out", self.path.name, most)
+        self._leaves_out = True
+
     def _add_stream(
-        self, codec: str, crf: float | None, pix_fmt: str, pixel_aspect: Fraction, fast: bool
+        self, codec: codecs.Codec, crf: float | None, pix_fmt: str, pixel_aspect: Fraction, fast: bool
     ) -> VideoStream:
         width, height = self._size
-        options = {"crf": f"{DEFAULT_CRF if crf is None else crf:g}"}
-        if fast and codec in ("libx264", "libx265"):
+        options = codec.options_for(pix_fmt) | {"crf": f"{DEFAULT_CRF if crf is None else crf:g}"}
+        if fast and codec.encoder in ("libx264", "libx265"):
             options["preset"] = "ultrafast"
-        if codec == "libvpx-vp9":
-            options |= {"cpu-used": "4", "row-mt": "1"}  # several times faster for hardly a difference
-        stream = cast(VideoStream, self._container.add_stream(codec, rate=self._rate, options=options))
+        stream = cast(VideoStream, self._container.add_stream(codec.encoder, rate=self._rate, options=options))
         stream.time_base = self._time_base
         context = stream.codec_context
         context.width, context.height, context.pix_fmt = width, height, pix_fmt
@@ -204,9 +198,9 @@ class VideoWriter:
         context.sample_aspect_ratio = pixel_aspect
         context.flags |= Flags.frame_duration
         context.thread_type = "AUTO"
-        if codec in ("libx265", "hevc_nvenc") and self._container.format.name in ("mp4", "mov"):
+        if codec.encoder in ("libx265", "hevc_nvenc") and self._container.format.name in ("mp4", "mov"):
             context.codec_tag = "hvc1"  # Apple's players open no other
-        rgb = pix_fmt.startswith(("gbrp", "rgb"))
+        rgb = av.VideoFormat(pix_fmt).is_rgb or pix_fmt == "pal8"
         context.colorspace = _AVCOL_RGB if rgb else _AVCOL_BT709
         context.color_range = ColorRange.JPEG if rgb else ColorRange.MPEG
         context.color_primaries = _AVCOL_BT709
@@ -274,40 +268,6 @@ class VideoWriter:
         with contextlib.suppress(AttributeError, av.FFmpegError, OSError, ValueError):
             self._container.close()  # tries to complete the file, which may well fail
         self._part.unlink(missing_ok=True)
-
-
-def _pixel_format(codec: str, muxer: str, width: int, height: int, depth: int, like: str | None) -> str:
-    """The pixel format to encode in; odd sizes, which 4:2:0 cannot hold, become 4:4:4."""
-    try:
-        offered = _offered(codec)
-    except ValueError as error:
-        raise InputError(f'video codec "{codec}" is unknown: try libx264, libx265 or libvpx-vp9') from error
-    odd = bool(width % 2 or height % 2)
-    chosen = _preferred(offered, odd, depth, like)
-    if chosen is None and depth > 8:
-        with av.open(BytesIO(), "w", format=muxer) as container:
-            possible = [name for name in _DEEP_CODECS if name in container.supported_codecs & av.codecs_available]
-        possible = [name for name in possible if _preferred(_offered(name), odd, depth)]
-        advice = f"use {' or '.join(possible)}" if possible else "use fewer bits or another container"
-        raise InputError(f"codec {codec} cannot write {width}x{height} with {depth} bits per sample: {advice}")
-    if chosen is None:
-        raise InputError(f"codec {codec} cannot write {width}x{height}: use libx264")
-    if odd and chosen.startswith("yuv444"):
-        log.warning("odd size %dx%d is written as 4:4:4, which some players do not show", width, height)
-    return chosen
-
-
-def _offered(codec: str) -> set[str]:
-    """Names of the pixel formats that an encoder takes; raises ValueError where there is no such encoder."""
-    return {pixel_format.name for pixel_format in av.Codec(codec, "w").video_formats or []}
-
-
-def _preferred(offered: set[str], odd: bool, depth: int, like: str | None = None) -> str | None:
-    if depth == 8:
-        wanted: tuple[str, ...] = _ODD_FORMATS if odd else _EVEN_FORMATS
-    else:
-        wanted = tuple(name.format(depth=depth) for name in (_ODD_DEEP_FORMATS if odd else _EVEN_DEEP_FORMATS))
-    return next((name for name in sorted(wanted, key=lambda name: name != like) if name in offered), None)
 
 
 def _fine_time_base(rate: Fraction) -> Fraction:

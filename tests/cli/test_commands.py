@@ -323,3 +323,14 @@ def test_the_installed_command_stops_cleanly_on_sigint(clip: Path, ad: Path, tmp
     assert process.returncode in (0, 130)  # 0 where the machine let it be done before the signal came
     assert "Traceback" not in err
     assert [p.name for p in tmp_path.iterdir()] in ([], ["o.mp4"])
+
+
+def test_a_picture_that_moves_has_no_sound_and_that_is_said(
+    run: Run, clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path
+) -> None:
+    out = tmp_path / "out.gif"
+    code, _, err = run(clip, ad, *quad_arguments(truth[0]), "--end", 3, "-o", out, "--backend", "opencv")
+    assert code == 0, err
+    assert ".gif holds no sound: it is left out" in err
+    assert out.read_bytes().startswith(b"GIF89a")
+    assert list(tmp_path.iterdir()) == [out]

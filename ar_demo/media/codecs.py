@@ -1,0 +1,300 @@
+"""What can be written: containers, the codecs that each of them holds, and their pixel formats. The one table of these.
+
+Each pair of codec and container that stands here is encoded and decoded by `tests/media/test_codecs.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+
+import av
+
+from ..errors import InputError
+
+
+@dataclass(frozen=True)
+class Container:
+    """A kind of file that holds a moving picture.
+
+    Attributes:
+        muxer: FFmpeg's name.
+        codec: the usual one in it, by its name in the table.
+        sound: whether it holds sound.
+        tick: seconds in which it tells times, where it leaves no choice.
+        least_ticks: that a frame lasts; one that comes sooner is left out.
+        options: of the muxer.
+    """
+
+    muxer: str
+    codec: str = "h264"
+    sound: bool = True
+    tick: Fraction | None = None
+    least_ticks: int = 0
+    options: Mapping[str, str] = field(default_factory=dict)
+
+
+_FAST_START = {"movflags": "+faststart"}  # plays while it loads
+
+CONTAINERS = {
+    ".mp4": Container("mp4", options=_FAST_START),
+    ".m4v": Container("mp4", options=_FAST_START),
+    ".mov": Container("mov", options=_FAST_START),
+    ".mkv": Container("matroska"),
+    ".webm": Container("webm", "vp9"),
+    # Players show a GIF's frame of 10 ms for 100 ms.
+    ".gif": Container("gif", "gif", sound=False, tick=Fraction(1, 100), least_ticks=2),
+    ".webp": Container("webp", "webp", sound=False, tick=Fraction(1, 1000), least_ticks=1, options={"loop": "0"}),
+}
+
+
+@dataclass(frozen=True)
+class Codec:
+    """A way to encode pictures.
+
+    Attributes:
+        name: as `--codec` takes it; title: as people write it.
+        encoder: FFmpeg's name.
+        containers: suffixes of the files that hold it.
+        formats: pixel formats by preference.
+        transparent: those with alpha, by preference.
+        transparent_containers: suffixes of the files that hold it with alpha, where these are others.
+        profiles: of the encoder, by pixel format.
+        options: of the encoder, whatever the pixel format.
+    """
+
+    name: str
+    title: str
+    encoder: str
+    containers: tuple[str, ...]
+    formats: tuple[str, ...]
+    transparent: tuple[str, ...] = ()
+    transparent_containers: tuple[str, ...] = ()
+    profiles: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    def options_for(self, pixel_format: str) -> dict[str, str]:
+        """The encoder's options for a pixel format."""
+        profile = self.profiles.get(pixel_format)
+        return dict(self.options) | ({"profile": profile} if profile else {})
+
+    def holders(self, alpha: bool = False) -> tuple[str, ...]:
+        """Suffixes of the files that hold it, with or without transparency."""
+        return (self.transparent_containers if alpha else ()) or self.containers
+
+
+def _yuv(*depths: int) -> tuple[str, ...]:
+    """Planar YUV of these depths, the least chroma first."""
+    return tuple(f"yuv{chroma}p{_suffix(depth)}" for depth in depths for chroma in ("420", "422", "444"))
+
+
+def _suffix(depth: int) -> str:
+    return "" if depth == 8 else f"{depth}le"
+
+
+_MOVIE = (".mp4", ".m4v", ".mov", ".mkv")
+
+CODECS = (
+    Codec("h264", "H.264", "libx264", _MOVIE, _yuv(8, 10)),
+    Codec("h265", "H.265", "libx265", _MOVIE, _yuv(8, 10, 12)),
+    Codec("av1", "AV1", "libsvtav1", (".mp4", ".m4v", ".mkv", ".webm"), ("yuv420p", "yuv420p10le")),
+    Codec(
+        "vp9",
+        "VP9",
+        "libvpx-vp9",
+        (".webm", ".mkv", ".mp4", ".m4v"),
+        _yuv(8),
+        transparent=("yuva420p",),
+        transparent_containers=(".webm", ".mkv"),
+        options={"cpu-used": "4", "row-mt": "1"},  # several times faster for hardly a difference
+    ),
+    Codec(
+        "prores",
+        "ProRes 422",
+        "prores_ks",
+        (".mov", ".mkv"),
+        ("yuv422p10le",),
+        profiles={"yuv422p10le": "hq"},
+        options={"vendor": "apl0"},
+    ),
+    Codec(
+        "prores4444",
+        "ProRes 4444",
+        "prores_ks",
+        (".mov", ".mkv"),
+        ("yuv444p10le",),
+        transparent=("yuva444p10le",),
+        profiles={"yuv444p10le": "4444", "yuva444p10le": "4444"},
+        options={"vendor": "apl0", "alpha_bits": "16"},
+    ),
+    Codec(
+        "dnxhr",
+        "DNxHR",
+        "dnxhd",
+        (".mov",),
+        ("yuv422p", "yuv422p10le", "yuv444p10le"),
+        profiles={"yuv422p": "dnxhr_hq", "yuv422p10le": "dnxhr_hqx", "yuv444p10le": "dnxhr_444"},
+    ),
+    Codec("animation", "QuickTime Animation", "qtrle", (".mov",), ("rgb24",), transparent=("argb",)),
+    Codec(
+        "ffv1",
+        "FFV1",
+        "ffv1",
+        (".mkv",),
+        (*_yuv(8, 10, 12, 16), "gbrp10le", "gbrp12le", "gbrp16le"),
+        transparent=("gbrap16le",),
+    ),
+    Codec("gif", "GIF", "gif", (".gif",), ("pal8",)),
+    Codec("webp", "animated WebP", "libwebp_anim", (".webp",), ("bgra",), ("bgra",), options={"quality": "90"}),
+)
+_BY_NAME = {codec.name: codec for codec in CODECS}
+_BY_ENCODER = {codec.encoder: codec for codec in reversed(CODECS)}  # the first one of each
+# What an encoder that is not in the table may take.
+_ANY_FORMATS = (*_yuv(8), "gbrp", "rgb24", *_yuv(10, 12, 14, 16), "gbrp10le", "gbrp12le", "gbrp14le", "gbrp16le")
+
+
+def check_video_name(path: Path) -> None:
+    """Raises InputError for a name whose ending is not that of a container that we write."""
+    if path.suffix.lower() not in CONTAINERS:
+        raise InputError(f"{path}: output must end in one of {', '.join(CONTAINERS)}")
+
+
+def holds_sound(path: Path) -> bool:
+    """Whether a file of this name holds sound; one that no container has the ending of holds none."""
+    container = CONTAINERS.get(path.suffix.lower())
+    return container is not None and container.sound
+
+
+def choose(path: Path, name: str | None, alpha: bool = False) -> Codec:
+    """The codec that a video file is written with.
+
+    Args:
+        path: with a container's ending.
+        name: of the codec in the table, or of FFmpeg's encoder; None takes the container's usual.
+        alpha: whether it has to hold transparency.
+
+    Raises:
+        InputError: an unknown container or codec, or a codec that the container cannot hold.
+    """
+    check_video_name(path)
+    suffix = path.suffix.lower()
+    codec = _usual(suffix, alpha) if name is None else _named(name)
+    if alpha and not codec.transparent:
+        raise InputError(f"{codec.title} holds no transparency: use {any_of(_transparent(suffix))} in {suffix}")
+    if suffix not in codec.holders(alpha):
+        with_alpha = " with transparency" if alpha else ""
+        raise InputError(
+            f"{path}: {suffix} cannot hold {codec.title}{with_alpha}: "
+            f"let the name end in {any_of(codec.holders(alpha)) or 'another container'}, "
+            f"or choose --codec {any_of(_transparent(suffix) if alpha else _held(suffix))}"
+        )
+    return codec
+
+
+def pixel_format(
+    codec: Codec,
+    suffix: str,
+    width: int,
+    height: int,
+    depth: int = 8,
+    like: str | None = None,
+    alpha: bool = False,
+) -> str:
+    """The pixel format to encode in: of as many bits, or of the next more that the codec has.
+
+    Odd sizes, which 4:2:0 and 4:2:2 cannot hold, become 4:4:4 or RGB.
+
+    Args:
+        suffix: of the file, by which other codecs are proposed.
+        depth: bits per sample.
+        like: one that is preferred among those of its depth, as the source's; None takes 4:2:0 before others.
+        alpha: whether it has to hold transparency.
+
+    Raises:
+        InputError: there is none; the message says which codecs have one.
+    """
+    chosen = _fitting(codec, width, height, depth, like, alpha)
+    if chosen is None:
+        others = [c.name for c in CODECS if suffix in c.containers and _fitting(c, width, height, depth, None, alpha)]
+        bits = f" with {depth} bits per sample" if depth > 8 else ""
+        advice = f"use {any_of(others)}" if others else "use fewer bits or another container"
+        raise InputError(f"codec {codec.name} cannot write {width}x{height}{bits}: {advice}")
+    return chosen
+
+
+def depth_of(pixel_format: str) -> int:
+    """Bits per sample of a pixel format."""
+    return max(component.bits for component in av.VideoFormat(pixel_format).components)
+
+
+def any_of(names: Iterable[str]) -> str:
+    """As in 'a, b or c'."""
+    *others, last = list(names) or [""]
+    return f"{', '.join(others)} or {last}" if others else last
+
+
+def _named(name: str) -> Codec:
+    return _BY_NAME.get(name) or _BY_ENCODER.get(name) or _foreign(name)
+
+
+def _usual(suffix: str, alpha: bool) -> Codec:
+    usual = _BY_NAME[CONTAINERS[suffix].codec]
+    if not alpha or usual.transparent:
+        return usual
+    return next((_BY_NAME[name] for name in _transparent(suffix)), usual)
+
+
+def _held(suffix: str) -> list[str]:
+    return [codec.name for codec in CODECS if suffix in codec.containers]
+
+
+def _transparent(suffix: str) -> list[str]:
+    return [codec.name for codec in CODECS if codec.transparent and suffix in codec.holders(True)]
+
+
+def _fitting(codec: Codec, width: int, height: int, depth: int, like: str | None, alpha: bool) -> str | None:
+    odd = bool(width % 2 or height % 2)
+    usable = [
+        name
+        for name in (codec.transparent if alpha else codec.formats)
+        if name in offered(codec.encoder) and depth_of(name) >= depth and not (odd and _is_subsampled(name))
+    ]
+    return min(usable, key=lambda name: (depth_of(name), name != like), default=None)
+
+
+def _is_subsampled(pixel_format: str) -> bool:
+    return av.VideoFormat(pixel_format).chroma_width(2) == 1
+
+
+@cache
+def offered(encoder: str) -> frozenset[str]:
+    """Names of the pixel formats that an encoder takes; none where there is no such encoder."""
+    try:
+        return frozenset(pixel_format.name for pixel_format in av.Codec(encoder, "w").video_formats or [])
+    except ValueError:
+        return frozenset()
+
+
+def _foreign(encoder: str) -> Codec:
+    """One that is not in the table, by FFmpeg's name.
+
+    Raises:
+        InputError: there is no such encoder.
+    """
+    try:
+        av.Codec(encoder, "w")
+    except ValueError as error:
+        names = any_of(codec.name for codec in CODECS)
+        raise InputError(f'video codec "{encoder}" is unknown: try {names}') from error
+    containers = tuple(suffix for suffix, kind in CONTAINERS.items() if encoder in _supported(kind.muxer))
+    return Codec(encoder, encoder, encoder, containers, _ANY_FORMATS)
+
+
+@cache
+def _supported(muxer: str) -> frozenset[str]:
+    with av.open(BytesIO(), "w", format=muxer) as container:
+        return frozenset(container.supported_codecs)

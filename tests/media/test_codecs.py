@@ -1,0 +1,103 @@
+"""The table of codecs: each cell that it promises is written and read back; what it does not is refused."""
+
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+from ar_demo.errors import InputError
+from ar_demo.media import codecs
+from ar_demo.media.reader import VideoReader
+from ar_demo.media.writer import VideoWriter
+from hdn.imaging.arrays import Picture
+
+from .. import clips
+from ..videos import write
+
+SIZE = 256, 128  # DNxHR takes no less
+VIDEOS = [codec for codec in codecs.CODECS if codec.name not in ("gif", "webp")]
+CELLS = [
+    pytest.param(codec, suffix, depth, id=f"{codec.name}{suffix}-{depth}")
+    for codec in VIDEOS
+    for suffix in codec.containers
+    for depth in sorted({codecs.depth_of(name) for name in codec.formats})
+]
+DECODERS = {"prores4444": "prores", "av1": "libdav1d", "animation": "qtrle", "h265": "hevc", "dnxhr": "dnxhd"}
+PROFILES = {"prores": "HQ", "prores4444": "4444"}
+
+
+@pytest.mark.parametrize(("codec", "suffix", "depth"), CELLS)
+def test_a_promised_cell_is_written_and_read(codec: codecs.Codec, suffix: str, depth: int, tmp_path: Path) -> None:
+    chart = clips.color_chart(*SIZE)
+    pictures: list[Picture] = [chart if depth == 8 else chart.astype(np.uint16) * 257] * 3
+    path = write(tmp_path / f"a{suffix}", pictures, codec=codec.name, depth=depth)
+    with VideoReader(path, depth=16) as reader:
+        frames = list(reader.frames())
+        assert reader.info.depth >= depth
+    assert len(frames) == 3
+    error = clips.patch_colors(frames[-1].image / 257) - clips.patch_colors(chart)
+    assert np.abs(error).max() <= 4
+    with av.open(str(path)) as container:
+        context = container.streams.video[0].codec_context
+        assert context.name == DECODERS.get(codec.name, codec.name)
+        if codec.name in PROFILES:
+            assert context.profile == PROFILES[codec.name]
+
+
+@pytest.mark.parametrize("rate", [25, 60])
+@pytest.mark.parametrize("suffix", [".gif", ".webp"])
+def test_animated_pictures(suffix: str, rate: int, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = write(tmp_path / f"a{suffix}", [clips.color_chart(*SIZE), *clips.numbered(11, *SIZE)], rate)
+    with Image.open(path) as image:
+        pictures = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(image)]
+        durations = []
+        for index in range(len(pictures)):
+            image.seek(index)
+            image.load()
+            durations.append(image.info["duration"])
+        assert image.info["loop"] == 0  # for ever
+    assert sum(durations) == pytest.approx(12_000 / rate, abs=20)
+    assert np.abs(clips.patch_colors(pictures[0]) - clips.patch_colors(clips.color_chart(*SIZE))).max() < 6
+    shown = [clips.number_of(picture) for picture in pictures[1:]]
+    if suffix == ".gif" and rate == 60:
+        assert min(durations) >= 20
+        assert set(shown) < set(range(11))
+        assert "at most 50 frames a second" in caplog.text
+    else:
+        assert shown == list(range(11))
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "said"),
+    [
+        ("a.mp4", "prores", ".mp4 cannot hold ProRes 422: let the name end in .mov or .mkv, or choose --codec h264"),
+        ("a.webm", "h264", "let the name end in .mp4, .m4v, .mov or .mkv, or choose --codec av1 or vp9"),
+        ("a.mkv", "dnxhr", "let the name end in .mov"),
+        ("a.gif", "h265", "choose --codec gif"),
+        ("a.webm", "mpeg4", "let the name end in .mp4, .m4v, .mov or .mkv"),
+        ("a.avi", None, "must end in one of .mp4"),
+        ("a.mp4", "h268", "try h264, h265, av1"),
+    ],
+)
+def test_what_a_container_cannot_hold_is_refused_with_those_that_can(
+    name: str, codec: str | None, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as caught:
+        VideoWriter(tmp_path / name, *SIZE, Fraction(25), codec=codec)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["libx264", "h264"])
+def test_a_codec_goes_by_our_name_or_its_encoders(name: str) -> None:
+    assert codecs.choose(Path("a.mp4"), name) is codecs.choose(Path("a.MP4"), None)
+
+
+def test_an_encoder_that_the_table_does_not_have_is_used(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mp4", [clips.color_chart(*SIZE)] * 2, codec="mpeg4")
+    with av.open(str(path)) as container:
+        assert container.streams.video[0].codec_context.name == "mpeg4"
