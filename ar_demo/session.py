@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 from .errors import InputError
 from .media.audio import Audio
 from .media.codecs import holds_sound
+from .media.planes import plain
 from .media.reader import IndexDropped, VideoReader
 from .media.threads import ahead, behind
 from .media.writer import VideoWriter
@@ -120,6 +121,8 @@ class Session(AbstractContextManager["Session"]):
         sound = options.audio if holds_sound(output) else "none"
         audio = Audio(sound, self.reader.path, Path(heard.ad) if heard.ad else None, heard.playback)
         depth = info.depth if options.depth == "source" else int(options.depth)
+        # Players often know 4:2:0 alone, where there are 8 bits.
+        keeps_chroma = options.depth == "source" or plain(info.pixel_format) == "yuv420p"
         with (
             VideoReader(self.reader.path, depth=16 if depth > 8 else 8) as reader,
             Renderer(self.reader, surfaces, options.backend) as renderer,
@@ -134,7 +137,8 @@ class Session(AbstractContextManager["Session"]):
                 time_base=info.time_base,
                 pixel_aspect=info.pixel_aspect,
                 depth=depth,
-                pixel_format=info.pixel_format if options.depth == "source" else None,
+                pixel_format=info.pixel_format if keeps_chroma else None,
+                colour=info.colour,
             ) as writer,
             ahead(reader.frames(0, renderer.length)) as frames,
             behind(writer.write) as write,
@@ -142,7 +146,7 @@ class Session(AbstractContextManager["Session"]):
             length, count = renderer.length, 0
             show = Stage(self.listen, "render", 0, length)
             for frame in renderer.draw(self._stop.watch(frames)):
-                write(frame.image, frame.time, frame.duration)
+                write(frame.image, frame.time, frame.duration, frame.planes, frame.drawn)
                 count += 1
                 show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.image)
             warnings = [*tracks_warnings(tracks, self.reader.warnings), *self.reader.warnings, *reader.warnings]

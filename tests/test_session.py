@@ -13,6 +13,7 @@ import pytest
 
 from ar_demo import Keyframe, Moment, OutputOptions, Progress, Session, Stopped, Surface, TrackingOptions
 from ar_demo.errors import InputError
+from ar_demo.media.planes import samples
 from ar_demo.media.reader import IndexDropped, VideoReader
 from ar_demo.media.writer import VideoWriter
 from ar_demo.tracking.passes import Passes
@@ -22,7 +23,7 @@ from hdn.imaging.arrays import Array
 from hdn.imaging.homography import transform
 from hdn.imaging.regions import EVERYWHERE, Region
 
-from .clips import make_clip
+from .clips import BT601, make_clip
 from .scenes import Scene, error, path, texture
 
 FRAMES = 16
@@ -189,6 +190,20 @@ def test_the_chroma_of_a_source_stays_where_that_is_asked_for(ad: Path, tmp_path
         session.render(surfaces, tmp_path / "o.mp4", OutputOptions(backend="opencv", depth=depth))  # type: ignore[arg-type]
     with VideoReader(tmp_path / "o.mp4") as reader:
         assert reader.info.pixel_format == ("yuv420p" if depth == "8" else "yuv422p")
+
+
+@pytest.mark.parametrize("rotation", [0, 90])
+def test_what_the_ad_does_not_touch_is_the_sources(ad: Path, tmp_path: Path, rotation: int) -> None:
+    clip = make_clip(tmp_path / "in.mp4", [texture(3, 320, 240)] * 2, rotation=rotation, matrix=BT601)
+    with Session(clip, make_tracker=Still) as session:
+        [surface] = session.track([Surface(ad, np.array([[90, 90], [150, 92], [150, 150], [88, 150]]), flat=True)])
+        session.render([surface], tmp_path / "o.mkv", OutputOptions(backend="opencv", codec="ffv1"))
+    with av.open(str(clip)) as source, av.open(str(tmp_path / "o.mkv")) as output:
+        for before, after in zip(source.decode(video=0), output.decode(video=0), strict=True):
+            assert after.colorspace == before.colorspace == 6
+            was, is_ = np.rot90(samples(before, 0), rotation // 90), samples(after, 0)
+            assert np.array_equal(was[:80], is_[:80])
+            assert np.abs(was[100:140, 100:140].astype(int) - is_[100:140, 100:140]).mean() > 10
 
 
 @pytest.mark.parametrize("method", ["track", "correct"])

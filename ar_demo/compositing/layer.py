@@ -6,13 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdn.imaging.arrays import Floats, Image, Picture
+from hdn.imaging.arrays import Box, Floats, Image, Picture
 
 Frame = Image | NDArray[np.uint16]
 """(H, W, 3) RGB, uint8 0..255 or uint16 0..65535."""
-
-Box = tuple[slice, slice]
-"""Rows and columns of a frame."""
 
 
 @dataclass(frozen=True)

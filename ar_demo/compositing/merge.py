@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hdn.imaging.arrays import Array, Floats, Image
+from hdn.imaging.arrays import Array, Box, Floats, Image
 from hdn.imaging.blur import blurred
 
 from ..choices import Blend
 from ..scene.occlusion import Occluder
 from .blend import BLENDS
-from .layer import Box, Frame, Layer, as_box, in_float, peak
+from .layer import Frame, Layer, as_box, in_float, peak
 
 TILE = (256, 128)  # px, width and height: fits the cache
 DEPTHS = {"uint8": cv2.CV_8U, "uint16": cv2.CV_16U}  # of frames, as OpenCV names them
@@ -41,7 +41,7 @@ def merge(
     opacity: float = 1.0,
     blur: Array | None = None,
     occluder: Occluder | None = None,
-) -> None:
+) -> Box | None:
     """Lays a layer on a frame, in place.
 
     Args:
@@ -51,9 +51,12 @@ def merge(
         opacity: 0..1, multiplies the layer's alpha.
         blur: (2, 2) px^2 of the frame, covariance of the Gaussian that the layer is blurred by.
         occluder: what lies over the layer, where there is one.
+
+    Returns:
+        The part of the frame that may have changed; None for none.
     """
     if not opacity > 0:
-        return
+        return None
     if blur is not None and np.linalg.eigvalsh(blur).max() > BLUR.least_variance:
         layer = blurred_layer(layer, blur, frame.shape[:2])
     for tile, rgba in _tiles(layer):
@@ -65,6 +68,7 @@ def merge(
             _lay_over(part, rgba, min(opacity, 1.0))
         else:
             _lay_exactly(part, rgba)
+    return layer.box
 
 
 def blurred_layer(layer: Layer, covariance: Array, frame_shape: tuple[int, int]) -> Layer:

@@ -6,6 +6,7 @@ do not (measured: mean error 0.02 against -1.2 grey levels), which matters becau
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
@@ -33,7 +34,37 @@ _LUMA_WEIGHTS = {
     "smpte240m": (0.212, 0.087),
     "bt2020": (0.2627, 0.0593),
 }
-_TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
+TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
+
+
+@dataclass(frozen=True)
+class Colour:
+    """How the samples of a picture are to be understood.
+
+    Attributes:
+        matrix: its name, see `matrix_of`.
+        full_range: whether black is 0 and white the largest value.
+        tags: H.273's numbers of matrix, range (1 limited, 2 full), primaries and transfer as the file has them; where
+            it does not say, 2 (0 for the range).
+    """
+
+    matrix: str
+    full_range: bool
+    tags: tuple[int, int, int, int]
+
+    @staticmethod
+    def of(frame: av.VideoFrame) -> Colour:
+        """Of a decoded frame."""
+        tags = frame.colorspace, frame.color_range, frame.color_primaries, frame.color_trc
+        return Colour(matrix_of(frame), is_full_range(frame), tuple(map(int, tags)))  # type: ignore[arg-type]
+
+    def tag(self, what: av.VideoFrame | av.VideoCodecContext) -> None:
+        """Writes the tags on a frame, or an encoder that is not open yet."""
+        what.colorspace, what.color_range, what.color_primaries, what.color_trc = self.tags
+
+
+BT709 = Colour("bt709", False, (1, 1, 1, 1))
+RGB = Colour("rgb", True, (0, 2, 1, 1))  # with BT.709's primaries and transfer
 
 
 def matrix_of(frame: av.VideoFrame) -> str:
@@ -91,7 +122,7 @@ class ToRGB:
         else:
             image = self._reformat(frame, width, height, self._form, ColorRange.JPEG)
         if rotation:
-            image = cv2.rotate(image, _TURNS[rotation])
+            image = cv2.rotate(image, TURNS[rotation])
         return image
 
     def _reformat(self, frame: av.VideoFrame, width: int, height: int, form: str, range: ColorRange) -> Picture:
@@ -146,11 +177,11 @@ def _yuv_to_rgb(matrix: str, full_depth: int | None) -> NDArray[np.float64]:
 
 
 class FromRGB:
-    """Converts RGB arrays to frames of one pixel format in BT.709, limited range."""
+    """Converts RGB arrays to frames of one pixel format."""
 
-    def __init__(self, pix_fmt: str) -> None:
-        """Args: pix_fmt: FFmpeg's name of the pixel format, such as "yuv420p" or "yuv420p10le"."""
-        self._pix_fmt = pix_fmt
+    def __init__(self, pix_fmt: str, colour: Colour = BT709) -> None:
+        """Args: pix_fmt: FFmpeg's name, such as "yuv420p" or "yuv420p10le". colour: of the frames."""
+        self.pix_fmt, self.colour = pix_fmt, colour
         self._is_rgb = av.VideoFormat(pix_fmt).is_rgb
         self._reformatter = VideoReformatter()
 
@@ -164,9 +195,9 @@ class FromRGB:
             frame = av.VideoFrame.from_numpy_buffer(image, "rgb24")
         return self._reformatter.reformat(
             frame,
-            format=self._pix_fmt,
-            dst_colorspace=_SWS_NUMBERS["bt709"],
+            format=self.pix_fmt,
+            dst_colorspace=_SWS_NUMBERS.get(self.colour.matrix),
             src_color_range=ColorRange.JPEG,
-            dst_color_range=ColorRange.MPEG,
+            dst_color_range=ColorRange.JPEG if self.colour.full_range else ColorRange.MPEG,
             interpolation=_FROM_RGB,
         )

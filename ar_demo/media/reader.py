@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache, partial
 from pathlib import Path
@@ -16,13 +16,14 @@ import av
 from av.container import InputContainer
 from av.video.stream import VideoStream
 
-from hdn.imaging.arrays import Picture
+from hdn.imaging.arrays import Box, Picture
 
 from ..errors import InputError, RunError
 from . import color
 from .decode import Clock, decode, frame_rate, open_video, stream_duration
 from .fingerprint import fingerprint
 from .index import Index, demux
+from .planes import Planes, can_be_kept
 
 log = logging.getLogger(__name__)
 
@@ -53,8 +54,7 @@ class VideoInfo:
         pixel_aspect: width of a pixel over its height, as displayed.
         depth: bits per sample of the source.
         pixel_format: of the source, by FFmpeg's name.
-        matrix: "bt709", "bt601", "bt2020", "smpte240m", "fcc" or "rgb"; untagged is "bt601" below 720 lines.
-        full_range: whether black is 0 and white the largest value.
+        colour: how its samples are to be understood.
         has_audio: whether there is sound beside the picture.
     """
 
@@ -69,8 +69,7 @@ class VideoInfo:
     pixel_aspect: Fraction
     depth: int
     pixel_format: str
-    matrix: str
-    full_range: bool
+    colour: color.Colour
     has_audio: bool
 
 
@@ -83,12 +82,16 @@ class Frame:
         time: exact, in seconds.
         duration: seconds until the next frame; the last frame's until the end that the container states.
         image: (H, W, 3) RGB, upright; uint8, or uint16 from 0 to 65535 where the reader was asked for 16 bits.
+        planes: the picture as it was decoded; None where its samples cannot be kept.
+        drawn: where `image` was drawn into since.
     """
 
     index: int
     time: Fraction
     duration: Fraction
     image: Picture
+    planes: Planes | None = None
+    drawn: list[Box] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -221,8 +224,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
             pixel_aspect=1 / aspect if sideways else aspect,
             depth=color.depth_of(frame),
             pixel_format=frame.format.name,
-            matrix=color.matrix_of(frame),
-            full_range=color.is_full_range(frame),
+            colour=color.Colour.of(frame),
             has_audio=bool(container.streams.audio),
         )
         self._shut(container)
@@ -245,11 +247,12 @@ class VideoReader(AbstractContextManager["VideoReader"]):
 
     def _finish(self, decoded: _Decoded, to_rgb: color.ToRGB) -> Frame:
         frame = decoded.frame
-        if (frame.width, frame.height) != self._size:
+        same = (frame.width, frame.height) == self._size
+        if not same:
             self._warn(f"{self.path.name} changes its picture size on the way: it is scaled to the first frame's size")
-        return Frame(
-            decoded.index, decoded.time, self._duration(decoded.index), to_rgb(frame, self._rotation, self._size)
-        )
+        planes = Planes(frame, self._rotation) if same and can_be_kept(frame, self._rotation) else None
+        image = to_rgb(frame, self._rotation, self._size)
+        return Frame(decoded.index, decoded.time, self._duration(decoded.index), image, planes)
 
     def _duration(self, index: int) -> Fraction:
         times = self._index.times

@@ -1,4 +1,4 @@
-"""Writing a video: exact times, tagged BT.709 colour, sound beside it, and all of it or nothing."""
+"""Writing a video: exact times, tagged colour, sound beside it, and all of it or nothing."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import errno
 import logging
 import os
 import secrets
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -17,21 +17,20 @@ import av
 import numpy as np
 from av.codec.context import Flags
 from av.packet import Packet
-from av.video.reformatter import ColorRange
 from av.video.stream import VideoStream
 
-from hdn.imaging.arrays import Picture
+from hdn.imaging.arrays import Box, Picture
 
 from ..errors import InputError, RunError
 from . import codecs
 from .audio import Audio
-from .color import FromRGB
+from .color import BT709, RGB, Colour, FromRGB
 from .palette import ToPalette
+from .planes import Planes, plain
 
 log = logging.getLogger(__name__)
 
 DEFAULT_CRF = 18  # visually lossless in H.264
-_AVCOL_RGB, _AVCOL_BT709 = 0, 1  # H.273's numbers; BT.709 is 1 as matrix, primaries and transfer alike
 
 
 class VideoWriter:
@@ -56,6 +55,7 @@ class VideoWriter:
         fast: bool = False,
         depth: int = 8,
         pixel_format: str | None = None,
+        colour: Colour | None = None,
     ) -> None:
         """Begins a file.
 
@@ -70,8 +70,9 @@ class VideoWriter:
             pixel_aspect: a pixel's width over its height.
             fast: larger files, but H.264 and H.265 keep up with a live source.
             depth: bits per sample in the file: 8, 10, 12 ...; whatever frames are of.
-            pixel_format: FFmpeg's name of one that is preferred where it has this depth and the codec takes it, as the
-                source's; None takes 4:2:0 before others.
+            pixel_format: FFmpeg's name of the source's, which is preferred where it has this depth and the codec takes
+                it; None takes 4:2:0 before others.
+            colour: of the source; kept where its pixel format is, else the file is in BT.709.
 
         Raises:
             InputError: the container or codec cannot do this; nothing has been written.
@@ -83,16 +84,20 @@ class VideoWriter:
             raise InputError(f"folder {self.path.parent} of the output does not exist: create it first")
         suffix = self.path.suffix.lower()
         container = codecs.CONTAINERS[suffix]
-        pix_fmt = codecs.pixel_format(chosen, suffix, width, height, depth, pixel_format)
+        like = pixel_format and plain(pixel_format)
+        pix_fmt = codecs.pixel_format(chosen, suffix, width, height, depth, like)
         if (width % 2 or height % 2) and pix_fmt.startswith("yuv444"):
             log.warning("odd size %dx%d is written as 4:4:4, which some players do not show", width, height)
+        if colour is None or pix_fmt != like:
+            colour = RGB if av.VideoFormat(pix_fmt).is_rgb or pix_fmt == "pal8" else BT709
 
         self._size = width, height
         self._rate = Fraction(rate)
         self._time_base = container.tick or time_base or _fine_time_base(self._rate)
         self._least_ticks = container.least_ticks
         self._audio = audio
-        self._from_rgb = ToPalette(width, height) if pix_fmt == "pal8" else FromRGB(pix_fmt)
+        self._form = pix_fmt, colour
+        self._from_rgb = ToPalette(width, height) if pix_fmt == "pal8" else FromRGB(pix_fmt, colour)
         self._start: Fraction | None = None  # time of the first frame
         self._kept: Packet[VideoStream] | None = None
         self._first_dts = 0
@@ -138,13 +143,23 @@ class VideoWriter:
             self._discard()
             raise
 
-    def write(self, image: Picture, time: Fraction, duration: Fraction | None = None) -> None:
+    def write(
+        self,
+        image: Picture,
+        time: Fraction,
+        duration: Fraction | None = None,
+        planes: Planes | None = None,
+        drawn: Sequence[Box] = (),
+    ) -> None:
         """Appends a frame.
 
         Args:
             image: (height, width, 3) RGB, uint8 or uint16 in full scale; it may be changed afterwards.
             time: seconds, later than the frame before.
             duration: seconds; it matters for the last frame only, and None is 1 / rate.
+            planes: what the image was made from. Where the file has its pixel format and colour, these samples are
+                written, and the image where it was drawn into.
+            drawn: where that is.
 
         Raises:
             ValueError: the frame is of another size or kind, or not later than the one before.
@@ -166,7 +181,10 @@ class VideoWriter:
             return
         self._pts = pts
         self._count += 1
-        frame = self._from_rgb(image)
+        if planes is not None and (planes.pix_fmt, planes.colour) == self._form:
+            frame = planes.with_drawn(image, drawn, self._from_rgb)
+        else:
+            frame = self._from_rgb(image)
         frame.time_base, frame.pts = self._time_base, pts
         frame.duration = round((duration or 1 / self._rate) / self._time_base)
         start = self._start
@@ -200,11 +218,7 @@ class VideoWriter:
         context.thread_type = "AUTO"
         if codec.encoder in ("libx265", "hevc_nvenc") and self._container.format.name in ("mp4", "mov"):
             context.codec_tag = "hvc1"  # Apple's players open no other
-        rgb = av.VideoFormat(pix_fmt).is_rgb or pix_fmt == "pal8"
-        context.colorspace = _AVCOL_RGB if rgb else _AVCOL_BT709
-        context.color_range = ColorRange.JPEG if rgb else ColorRange.MPEG
-        context.color_primaries = _AVCOL_BT709
-        context.color_trc = _AVCOL_BT709
+        self._form[1].tag(context)
         return stream
 
     def _encode(self, frame: av.VideoFrame | None) -> Iterator[Packet[VideoStream]]:

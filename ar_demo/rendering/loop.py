@@ -54,7 +54,9 @@ class _Drawn:
         """Draws into the frame; elapsed: seconds since the video began."""
         if frame.index < len(self._poses):
             pose, opacity = self._poses[frame.index], float(self._opacities[frame.index])
-            self.painter.draw(frame.image, pose, opacity, elapsed, conditions)
+            box = self.painter.draw(frame.image, pose, opacity, elapsed, conditions)
+            if box is not None:
+                frame.drawn.append(box)
 
 
 def in_8_bits(image: Picture) -> Image:
@@ -101,7 +103,7 @@ class Renderer(AbstractContextManager["Renderer"]):
         return max(len(drawn.track) for drawn in self._drawn)
 
     def draw(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """Frames from the video, of 8 or 16 bits, with the ads on them: they are drawn into in place."""
+        """Frames from the video, of 8 or 16 bits, with the ads on them: they are drawn into in place, and say where."""
         zero = self._reader.times[0]
         for frame in frames:
             image = in_8_bits(frame.image)

@@ -7,7 +7,7 @@ from fractions import Fraction
 import cv2
 import numpy as np
 
-from hdn.imaging.arrays import Array, Floats, Picture
+from hdn.imaging.arrays import Array, Box, Floats, Picture
 from hdn.imaging.homography import from_corners
 from hdn.imaging.quads import outline
 
@@ -60,7 +60,7 @@ class Painter(AbstractContextManager["Painter"]):
 
     def draw(
         self, image: Frame, pose: Array, strength: float, time: Fraction, conditions: Conditions | None = None
-    ) -> None:
+    ) -> Box | None:
         """Draws into a frame (H, W, 3), in place.
 
         Args:
@@ -68,15 +68,19 @@ class Painter(AbstractContextManager["Painter"]):
             strength: 0..1, the opacity.
             time: seconds since the ad began.
             conditions: under which the surface is seen; None draws an ad as it is.
+
+        Returns:
+            The part of the frame that may have changed; None for none.
         """
         if strength <= 0 or not np.isfinite(pose).all():
-            return
+            return None
         # In all other modes the surface's colours, which have the light on them already, are part of what is seen.
         light = conditions.light if conditions and self.surface.blend == "normal" else None
         layer = self.layer(image, pose, time, light)
-        if layer is not None:
-            blur, occluder = (conditions.blur, conditions.occluder) if conditions else (None, None)
-            merge(image, layer, self.surface.blend, strength, blur, occluder)
+        if layer is None:
+            return None
+        blur, occluder = (conditions.blur, conditions.occluder) if conditions else (None, None)
+        return merge(image, layer, self.surface.blend, strength, blur, occluder)
 
     def layer(self, image: Frame, pose: Array, time: Fraction, light: Light | None = None) -> Layer | None:
         """What is to be laid on a frame (H, W, 3); None where there is nothing to see. See `draw`."""

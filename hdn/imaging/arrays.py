@@ -13,3 +13,4 @@ Image = NDArray[np.uint8]  # (H, W, 3) RGB, or (H, W) grey
 Floats = NDArray[np.float32]  # images to calculate with, and what networks take and give
 Grey = NDArray[np.float32]  # (h, w), grey levels
 Mask = NDArray[np.bool_]
+Box = tuple[slice, slice]  # rows and columns of a picture

@@ -67,7 +67,7 @@ def test_a_ramp_keeps_its_levels_from_file_to_file(tmp_path: Path, name: str, co
     write(source, [ramp()] * 3, codec=codec, depth=depth, **quality)
     with VideoReader(source, depth=16) as reader:
         assert reader.info.depth == depth
-        assert (reader.info.matrix, reader.info.full_range) == ("bt709", False)
+        assert (reader.info.colour.matrix, reader.info.colour.full_range) == ("bt709", False)
         images = [frame.image for frame in reader.frames()]
     assert images[0].dtype == np.uint16
     write(copy, images, codec=codec, depth=depth, **quality)
@@ -126,7 +126,7 @@ def test_ten_bit_colours_by_range(tmp_path: Path, pix_fmt: str, full: bool) -> N
     chart = clips.color_chart(192, 144)
     clip = clips.make_clip(tmp_path / "c.mp4", [chart], pix_fmt=pix_fmt, full_range=full, options={"crf": "4"})
     with VideoReader(clip, depth=16) as reader:
-        assert reader.info.full_range == full
+        assert reader.info.colour.full_range == full
         error = clips.patch_colors(next(reader.frames()).image / 257) - clips.patch_colors(chart)
     assert np.abs(error).max() <= 3
     assert np.abs(error.mean((0, 1))).max() < 0.7

@@ -39,7 +39,7 @@ def test_colours_by_matrix_and_range(
     error = clips.patch_colors(next(reader.frames()).image) - clips.patch_colors(chart)
     assert np.abs(error).max() <= 3
     assert np.abs(error.mean((0, 1))).max() < 0.7  # no tint, no darkening
-    assert reader.info.full_range == full
+    assert reader.info.colour.full_range == full
 
 
 def test_old_full_range_format(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_old_full_range_format(tmp_path: Path) -> None:
 def test_hdr_is_read_with_a_warning(tmp_path: Path) -> None:
     clip = clips.make_clip(tmp_path / "h.mp4", clips.numbered(2), matrix=clips.BT2020, transfer=16)
     reader = VideoReader(clip)
-    assert reader.info.matrix == "bt2020"
+    assert reader.info.colour.matrix == "bt2020"
     assert any("tone mapping" in warning for warning in reader.warnings)
 
 
@@ -73,7 +73,7 @@ def test_colour_comes_back_and_is_tagged(tmp_path: Path, size: tuple[int, int], 
     error = clips.patch_colors(next(reader.frames()).image) - clips.patch_colors(chart)
     assert np.abs(error).max() <= 3
     assert np.abs(error.mean((0, 1))).max() < 0.7
-    assert (reader.info.matrix, reader.info.full_range) == ("bt709", False)
+    assert (reader.info.colour.matrix, reader.info.colour.full_range) == ("bt709", False)
     with av.open(str(path)) as container:
         frame = next(container.decode(video=0))
     assert (frame.colorspace, frame.color_primaries, frame.color_trc, frame.color_range) == (1, 1, 1, 1)

@@ -1,0 +1,118 @@
+"""A picture's own samples on their way from decoder to encoder: only where something is drawn do they change."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, cast
+
+import av
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hdn.imaging.arrays import Box, Picture
+
+from .color import TURNS, Colour
+
+Samples = NDArray[Any]  # (h, w) of one plane, uint8 or uint16
+
+MARGIN_CELLS = 4  # chroma samples around a box that are converted with it, since filters reach over its edge
+
+_PLANAR = re.compile(r"yuvj?4\d\dp(\d+le)?|gbrp(\d+le)?|gray(\d+le)?")  # one sample format, a plane for each component
+
+
+class Planes:
+    """A decoded picture, upright.
+
+    Attributes:
+        pix_fmt: its pixel format, by FFmpeg's name; the old yuvj formats count as what they are, yuv in full range.
+        colour: how its samples are to be understood.
+    """
+
+    def __init__(self, frame: av.VideoFrame, rotation: int = 0) -> None:
+        """Args:
+        frame: as decoded, of a format that `can_be_kept`.
+        rotation: counterclockwise degrees (0, 90, 180 or 270) to turn it by.
+        """
+        self.pix_fmt, self.colour = plain(frame.format.name), Colour.of(frame)
+        self._frame, self._rotation = frame, rotation
+
+    def with_drawn(
+        self, image: Picture, boxes: Iterable[Box], from_rgb: Callable[[Picture], av.VideoFrame]
+    ) -> av.VideoFrame:
+        """The picture with what was drawn on it; may be called once, since the samples are changed in place.
+
+        Args:
+            image: (H, W, 3) RGB, uint8 or uint16 in full scale, valid in the boxes and some pixels around them.
+            boxes: where it was drawn into; the chroma samples that they share with what is around them are changed too.
+            from_rgb: converts to `pix_fmt` and `colour`.
+        """
+        frame = self._own()
+        unit = cell(self.pix_fmt)
+        for box in boxes:
+            outer = grown(box, MARGIN_CELLS, unit, image.shape)
+            part = from_rgb(image[outer])
+            for index in range(len(frame.planes)):
+                width, height = unit if index and self.pix_fmt.startswith("yuv") else (1, 1)
+                rows, columns = (
+                    slice(s.start // n, -(-s.stop // n)) for s, n in zip(box, (height, width), strict=True)
+                )
+                top, left = outer[0].start // height, outer[1].start // width
+                samples(frame, index)[rows, columns] = samples(part, index)[
+                    rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
+                ]
+        return frame
+
+    def _own(self) -> av.VideoFrame:
+        """The picture, upright, in memory that nobody else has."""
+        if not self._rotation and self.pix_fmt == self._frame.format.name:
+            self._frame.make_writable()
+            self._frame.pict_type = 0  # else the encoder takes over the source's key frames
+            return self._frame
+        sideways = self._rotation in (90, 270)
+        width, height = (self._frame.width, self._frame.height)[:: -1 if sideways else 1]
+        own = av.VideoFrame(width, height, self.pix_fmt)
+        self.colour.tag(own)
+        for index in range(len(own.planes)):
+            plane = samples(self._frame, index)
+            samples(own, index)[:] = cv2.rotate(plane, TURNS[self._rotation]) if self._rotation else plane
+        return own
+
+
+def can_be_kept(frame: av.VideoFrame, rotation: int = 0) -> bool:
+    """Whether a decoded picture's samples can go to an encoder, turned upright without being interpolated."""
+    if not _PLANAR.fullmatch(frame.format.name) or any(plane.line_size <= 0 for plane in frame.planes):
+        return False
+    width, height = cell(frame.format.name)
+    whole = frame.width % width == 0 and frame.height % height == 0
+    return rotation == 0 or (whole and (rotation == 180 or width == height))
+
+
+def plain(pix_fmt: str) -> str:
+    """A pixel format's name, without the j that stands for full range."""
+    return pix_fmt.replace("yuvj", "yuv")
+
+
+def cell(pix_fmt: str) -> tuple[int, int]:
+    """Pixels (columns, rows) that share a chroma sample."""
+    chroma = [c for c in av.VideoFormat(pix_fmt, 64, 64).components if not c.is_luma and not c.is_alpha]
+    return (64 // chroma[0].width, 64 // chroma[0].height) if chroma else (1, 1)
+
+
+def grown(box: Box, by: int, unit: tuple[int, int], shape: Sequence[int]) -> Box:
+    """A box grown outward to whole units (columns, rows), and by so many of these, inside a picture (H, W, ...)."""
+    rows, columns = box
+    (width, height), (last_row, last_column) = unit, shape[:2]
+    return (
+        slice(max(rows.start // height - by, 0) * height, min((-(-rows.stop // height) + by) * height, last_row)),
+        slice(max(columns.start // width - by, 0) * width, min((-(-columns.stop // width) + by) * width, last_column)),
+    )
+
+
+def samples(frame: av.VideoFrame, index: int) -> Samples:
+    """A plane's samples, not copied."""
+    plane = frame.planes[index]
+    kind = np.dtype(np.uint8 if frame.format.components[0].bits <= 8 else "<u2")
+    rows = np.frombuffer(cast(Any, plane), kind).reshape(-1, plane.line_size // kind.itemsize)
+    return rows[: plane.height, : plane.width]
