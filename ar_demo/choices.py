@@ -8,6 +8,7 @@ Blend = Literal["normal", "multiply", "screen", "overlay", "soft-light", "add"]
 Lost = Literal["hold", "fade", "hide"]
 Effect = Literal["replace", "mosaic", "blur", "outline"]
 AudioMode = Literal["source", "ad", "mix", "none"]
+KeptStreams = Literal["all", "first"]
 Backend = Literal["auto", "egl", "osmesa", "opencv"]
 Depth = Literal["8", "10", "12", "source"]
 Device = Literal["auto", "cpu", "cuda"]
@@ -19,6 +20,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "lost": get_args(Lost),
     "effect": get_args(Effect),
     "audio": get_args(AudioMode),
+    "streams": get_args(KeptStreams),
     "backend": get_args(Backend),
     "depth": get_args(Depth),
     "device": get_args(Device),

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .choices import AudioMode, Backend, Depth, Device
+from .choices import AudioMode, Backend, Depth, Device, KeptStreams
 from .errors import InputError
 from .surface import Moment, check_choices, check_not_negative
 
@@ -38,6 +38,8 @@ class OutputOptions:
 
     Attributes:
         audio: whose sound it has.
+        streams: whether all streams of the source go along, or its first sound alone.
+        location: whether the place where the source was taken goes along.
         backend: what draws.
         codec: of `media.codecs`, or an encoder by FFmpeg's name; None takes the container's usual.
         crf: quality of the encoder, lower is better; None takes the codec's usual.
@@ -49,6 +51,8 @@ class OutputOptions:
     """
 
     audio: AudioMode = "source"
+    streams: KeptStreams = "all"
+    location: bool = True
     backend: Backend = "auto"
     codec: str | None = None
     crf: float | None = None

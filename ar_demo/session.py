@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from .errors import InputError
-from .media.audio import Audio
 from .media.codecs import holds_sound
 from .media.planes import plain
 from .media.reader import IndexDropped, VideoReader
+from .media.streams import Streams
 from .media.threads import ahead, behind
 from .media.writer import VideoWriter
 from .options import OutputOptions, TrackingOptions
@@ -119,7 +119,15 @@ class Session(AbstractContextManager["Session"]):
         started, info = time.perf_counter(), self.reader.info
         heard = next((surface for surface in surfaces if surface.ad is not None), surfaces[0])
         sound = options.audio if holds_sound(output) else "none"
-        audio = Audio(sound, self.reader.path, Path(heard.ad) if heard.ad else None, heard.playback)
+        streams = Streams(
+            sound,
+            self.reader.path,
+            Path(heard.ad) if heard.ad else None,
+            heard.playback,
+            options.streams,
+            options.location,
+            next(iter(self.reader.times[max(map(len, tracks), default=0) :]), None),
+        )
         depth = info.depth if options.depth == "source" else int(options.depth)
         # Players often know 4:2:0 alone, where there are 8 bits.
         keeps_chroma = options.depth == "source" or plain(info.pixel_format) == "yuv420p"
@@ -133,7 +141,7 @@ class Session(AbstractContextManager["Session"]):
                 info.rate,
                 codec=options.codec,
                 crf=options.crf,
-                audio=audio,
+                streams=streams,
                 time_base=info.time_base,
                 pixel_aspect=info.pixel_aspect,
                 depth=depth,
@@ -163,7 +171,7 @@ class Session(AbstractContextManager["Session"]):
             total(track.counts for track in tracks),
             time.perf_counter() - started,
             description,
-            list(dict.fromkeys([*warnings, *audio.warnings])),
+            list(dict.fromkeys([*warnings, *streams.warnings])),
             [{"ad": s.name, "states": track.counts} for s, track in zip(surfaces, tracks, strict=True)],
         )
 

@@ -8,8 +8,8 @@ from typing import Any
 import av
 
 from ar_demo.media.ad import Ad
-from ar_demo.media.audio import Audio
 from ar_demo.media.reader import Frame, VideoReader
+from ar_demo.media.streams import Streams
 from ar_demo.media.writer import VideoWriter
 from hdn.imaging.arrays import Picture
 
@@ -37,11 +37,13 @@ def write(path: Path, images: Sequence[Picture], rate: Fraction | int = 25, **op
     return path
 
 
-def rewrite(source: Path, target: Path, audio: Audio, stop: int | None = None) -> Path:
+def rewrite(source: Path, target: Path, streams: Streams, stop: int | None = None) -> Path:
     """Reads a video and writes it as it is, with the given sound."""
     with VideoReader(source) as reader:
         info = reader.info
-        with VideoWriter(target, info.width, info.height, info.rate, audio=audio, time_base=info.time_base) as writer:
+        with VideoWriter(
+            target, info.width, info.height, info.rate, streams=streams, time_base=info.time_base
+        ) as writer:
             for frame in reader.frames(0, stop):
                 writer.write(frame.image, frame.time, frame.duration)
     return target

@@ -41,6 +41,7 @@ RULES = (
     Rule(("save_track",), "--live", _has("live"), "live tracks are not kept"),
     Rule(("smooth",), "--live", _has("live"), "a 1 euro filter takes its place"),
     Rule(("audio",), "--live", _has("live"), "a live output has no sound"),
+    Rule(("streams", "location"), "--live", _has("live"), "a live output has the picture alone"),
     Rule(("depth",), "--live", _has("live"), "a live output has 8 bits"),
     Rule(
         ("codec", "crf", "overwrite"),
@@ -64,6 +65,10 @@ def check_applicable(given: Namespace) -> None:
 
 def flag(name: str) -> str:
     """How an option is written on the command line."""
-    return {"ad": "an ad", "input": "an input", "playback": "--loop, --hold-last or --once"}.get(
-        name, "--" + name.replace("_", "-")
-    )
+    named = {
+        "ad": "an ad",
+        "input": "an input",
+        "playback": "--loop, --hold-last or --once",
+        "location": "--no-location",
+    }
+    return named.get(name, "--" + name.replace("_", "-"))

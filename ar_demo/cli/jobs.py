@@ -25,7 +25,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from ..choices import AudioMode, Backend, Blend, Depth, Device, Effect, Fit, Lost, Playback
+from ..choices import AudioMode, Backend, Blend, Depth, Device, Effect, Fit, KeptStreams, Lost, Playback
 from ..errors import InputError
 from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
 from ..tracks import Track
@@ -104,6 +104,8 @@ class RenderingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     """How the output is drawn and written; the fields are those of `OutputOptions`."""
 
     audio: AudioMode | UnsetType = UNSET
+    streams: KeptStreams | UnsetType = UNSET
+    location: bool | UnsetType = UNSET
     backend: Backend | UnsetType = UNSET
     codec: str | UnsetType = UNSET
     crf: Annotated[float, Meta(ge=0, le=63)] | UnsetType = UNSET

@@ -72,6 +72,18 @@ def replace_parser() -> Parser:
     add("--effect", choices=CHOICES["effect"], help="all but replace need no ad")
     add = parser.add_argument_group("the output").add_argument
     add("--audio", choices=CHOICES["audio"], help="whose sound (default: source)")
+    add(
+        "--streams",
+        choices=CHOICES["streams"],
+        help="all of the source's sound tracks, subtitles and data (default), or its first sound alone",
+    )
+    add(
+        "--no-location",
+        dest="location",
+        action="store_const",
+        const=False,
+        help="leave out the place where the source was taken",
+    )
     add("--backend", choices=CHOICES["backend"], help="what draws (default: auto)")
     add("--crf", type=float, help="quality, lower is better")
     add(

@@ -1,13 +1,13 @@
-"""The output's sound: the source's, the ad's, both mixed, or none. Everything is streamed, nothing is held whole."""
+"""Sound that is encoded anew: one track, or two mixed. Everything is streamed, nothing is held whole."""
 
 from __future__ import annotations
 
 import itertools
-import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import av
 import numpy as np
@@ -17,219 +17,123 @@ from av.container import InputContainer, OutputContainer
 from av.packet import Packet
 from numpy.typing import NDArray
 
-from ..choices import AudioMode, Playback
+from .carried import ENCODED_SOUND
+from .copying import Warn, open_alone
 from .decode import picture_duration
 
-log = logging.getLogger(__name__)
+Samples = NDArray[np.float32]  # (channels, n), within -1 to 1
+Sound = Callable[[Fraction], Iterator[Samples]]  # blocks of any length from a time on, seconds on the source's clock
 
-Warn = Callable[[str], None]
-Samples = NDArray[np.float32]  # (2, n): stereo at SAMPLE_RATE, within -1 to 1
-
-SAMPLE_RATE = 48000
 MIX_GAIN = np.float32(0.7)  # each of two tracks, 3 dB down
-_BLOCK_SAMPLES = SAMPLE_RATE  # samples produced at once, at most
-_GAP_SAMPLES = SAMPLE_RATE // 50  # timestamps may be off by 20 ms before silence is put in or samples are dropped
-_PREROLL_SECONDS = Fraction(1, 10)  # copied sound may begin so much before the picture: it primes the sound decoder
-# Codecs that FFmpeg's muxers say they take, and then do not.
-_REFUSED_CODECS = {"mov": {"opus", "flac", "truehd"}, "mp4": {"truehd"}}
+_BLOCK_SECONDS = 1  # of samples produced at once, at most
+_GAP_SECONDS = Fraction(1, 50)  # timestamps may be off by so much before silence is put in or samples are dropped
+_CHANNEL_BIT_RATE = 96_000  # bits per second
+_USUAL_LAYOUTS = ("mono", "stereo", "3.0", "quad", "5.0", "5.1", "6.1", "7.1")  # by the number of channels
+_SAME_LAYOUTS = {"5.0(side)": "5.0", "5.1(side)": "5.1"}  # which players know by the other's name
 
 
-class Audio:
-    """What is to be heard. `attach` it to an output, then take `packets` as the picture goes on.
+@dataclass(frozen=True)
+class Form:
+    """How sound is sampled: the rate in Hz, and the channels by FFmpeg's name of their layout."""
 
-    Attributes:
-        warnings: what went differently from what was asked.
-    """
+    rate: int = 48000
+    layout: str = "stereo"
 
-    def __init__(self, mode: AudioMode, source: Path, ad: Path | None = None, playback: Playback = "loop") -> None:
-        """Looks which of the files have sound; one that is asked for but has none is gone on without, with a warning.
-
-        A silent video that keeps its sound is as it was, and no reason to warn.
-
-        Args:
-            mode: whose sound it is.
-            source, ad: the files; ad is None where there is none.
-            playback: of the ad: a looped one's sound is looped with its picture, else it plays once.
-        """
-        self.warnings: list[str] = []
-        self._source = source if mode in ("source", "mix") and _has_sound(source) else None
-        self._ad = ad if mode in ("ad", "mix") and ad and _has_sound(ad) else None
-        if mode == "mix" and self._source is None:
-            self._warn(f"the video {source.name} has no sound: going on without it")
-        if mode in ("ad", "mix") and ad and self._ad is None:
-            self._warn(f"the ad {ad.name} has no sound: going on without it")
-        self._loop = playback == "loop"
-        self._feed: _Copy | _Encode | None = None
-
-    def attach(self, output: OutputContainer) -> None:
-        """Adds the sound's stream to a container that nothing has been written to yet."""
-        if self._source is not None and self._ad is None:
-            self._feed = _Copy.attach(output, self._source, self._warn)
-        if self._feed is None and (self._source or self._ad):
-            self._feed = _Encode(output, self._source, self._ad, self._loop, self._warn)
-
-    def packets(self, start: Fraction, until: Fraction) -> Iterator[Packet[AudioStream]]:
-        """Packets not yet given out whose sound begins before a time.
-
-        Args:
-            start: the output's zero in seconds on the source's clock, always the same.
-            until: the time in seconds on the source's clock.
-        """
-        if self._feed is not None:
-            yield from self._feed.packets(start, until)
-
-    def finish(self, start: Fraction, end: Fraction) -> Iterator[Packet[AudioStream]]:
-        """The last packets, up to the picture's end in seconds."""
-        if self._feed is not None:
-            yield from self._feed.packets(start, end)
-            yield from self._feed.flush()
-
-    def close(self) -> None:
-        """Closes the files it reads."""
-        if self._feed is not None:
-            self._feed.close()
-
-    def _warn(self, message: str) -> None:
-        if message not in self.warnings:
-            self.warnings.append(message)
-            log.warning(message)
+    @property
+    def channels(self) -> int:
+        return av.AudioLayout(self.layout).nb_channels
 
 
-def _has_sound(path: Path) -> bool:
-    try:
-        with av.open(str(path)) as container:
-            return any(stream.codec_context is not None for stream in container.streams.audio)
-    except (av.FFmpegError, OSError, ValueError):
-        return False  # an image, say
-
-
-class _Copy:
-    """Copies the packets of a file's first sound track, without touching what is in them."""
-
-    def __init__(
-        self, container: InputContainer, stream: AudioStream, target: AudioStream, preroll: Fraction, warn: Warn
-    ) -> None:
-        self._container = container
-        self._warn = warn
-        self._preroll = preroll
-        self._target = target
-        self._name = Path(container.name).name
-        self._base = stream.time_base or Fraction(1, stream.rate)
-        self._packets = container.demux(stream)
-        self._next = self._read()
-
-    @staticmethod
-    def attach(output: OutputContainer, source: Path, warn: Warn) -> _Copy | None:
-        """None, and a warning, where the output's container does not take the source's codec."""
-        container = av.open(str(source))
-        stream = container.streams.audio[0]
-        name, muxer = stream.codec_context.name, output.format.name
+def form_for(muxer: str, stream: AudioStream) -> Form:
+    """The form nearest to a track's in which it can be encoded for a container."""
+    codec = ENCODED_SOUND.get(muxer, "aac")
+    rates = av.Codec(codec, "w").audio_rates or [stream.rate]
+    rate = stream.rate if stream.rate in rates else 96000 if stream.rate > 96000 and 96000 in rates else 48000
+    layout = _SAME_LAYOUTS.get(stream.layout.name, stream.layout.name)
+    count = stream.layout.nb_channels
+    usual = _USUAL_LAYOUTS[count - 1] if 0 < count <= len(_USUAL_LAYOUTS) else "stereo"
+    for name in (layout, usual):
+        context: Any = av.CodecContext.create(codec, "w")
         try:
-            if name in _REFUSED_CODECS.get(muxer, ()):
-                raise ValueError
-            target = output.add_stream_from_template(stream)
-        except ValueError:
-            container.close()
-            warn(f"{muxer} takes no {name} sound: the source's sound is encoded anew")
-            return None
-        # Matroska would shift everything, the picture too, so that nothing lies before zero; MP4 hides what does.
-        shifts = muxer in ("matroska", "webm") and name != "opus"
-        return _Copy(container, stream, target, Fraction(0) if shifts else _PREROLL_SECONDS, warn)
-
-    def _read(self) -> Packet[AudioStream] | None:
-        try:
-            return next((packet for packet in self._packets if packet.pts is not None), None)
-        except (av.FFmpegError, OSError):
-            self._warn(f"the sound of {self._name} is damaged: it ends early")
-            return None
-
-    def packets(self, start: Fraction, until: Fraction) -> Iterator[Packet[AudioStream]]:
-        shift = round(start / self._base)
-        while (packet := self._next) is not None and cast(int, packet.pts) * self._base < until:
-            self._next = self._read()
-            assert packet.pts is not None
-            if packet.pts * self._base < start - self._preroll:
-                continue
-            packet.pts -= shift
-            if packet.dts is not None:
-                packet.dts -= shift
-            packet.stream = self._target
-            yield packet
-
-    def flush(self) -> Iterator[Packet[AudioStream]]:
-        return iter(())
-
-    def close(self) -> None:
-        self._container.close()
+            _set_up(context, codec, rate, name)
+            context.open()
+        except (av.FFmpegError, ValueError):
+            continue
+        return Form(rate, name)
+    return Form(rate)
 
 
-class _Encode:
-    """Decodes one or two tracks to 48 kHz stereo, adds them up and encodes the sum."""
+class Encode:
+    """Adds up one or two sounds and encodes the sum."""
 
-    def __init__(self, output: OutputContainer, source: Path | None, ad: Path | None, loop: bool, warn: Warn) -> None:
-        self._warn = warn
-        self._source = source
-        self._ad = ad
-        self._loop = loop
+    def __init__(self, output: OutputContainer, form: Form, sounds: Sequence[Sound]) -> None:
+        """Args:
+        output: a container that is not begun yet; its stream is `target`.
+        form: of the sounds and of the output.
+        sounds: what is heard.
+        """
+        self._form, self._sounds = form, sounds
         self._tracks: list[_Track] | None = None  # opened when the start is known
         self._written = 0  # samples
-        codec, self._format = ("libopus", "flt") if output.format.name == "webm" else ("aac", "fltp")
-        self._stream = cast(AudioStream, output.add_stream(codec, rate=SAMPLE_RATE, bit_rate=192_000))
-        self._stream.codec_context.format = self._format
+        codec = ENCODED_SOUND.get(output.format.name, "aac")
+        self.target = cast(AudioStream, output.add_stream(codec, rate=form.rate))
+        _set_up(self.target.codec_context, codec, form.rate, form.layout)
 
-    def packets(self, start: Fraction, until: Fraction) -> Iterator[Packet[AudioStream]]:
+    def packets(self, start: Fraction, until: Fraction) -> Iterator[Packet[Any]]:
         if self._tracks is None:
-            sources = [_samples(self._source, start, self._warn)] if self._source else []
-            ads = [_ad_samples(self._ad, self._loop, self._warn)] if self._ad else []
-            self._tracks = [_Track(blocks) for blocks in sources + ads]
-        wanted = round((until - start) * SAMPLE_RATE)
+            self._tracks = [_Track(sound(start), self._form.channels) for sound in self._sounds]
+        wanted = round((until - start) * self._form.rate)
         while self._written < wanted:
-            count = min(wanted - self._written, _BLOCK_SAMPLES)
-            yield from self._stream.encode(self._frame(self._mix([track.read(count) for track in self._tracks])))
+            count = min(wanted - self._written, _BLOCK_SECONDS * self._form.rate)
+            yield from self.target.encode(self._frame(_mix([track.read(count) for track in self._tracks])))
             self._written += count
 
-    def _mix(self, parts: list[Samples]) -> Samples:
-        if len(parts) == 1:
-            return parts[0]
-        mixed: Samples = np.clip(MIX_GAIN * (parts[0] + parts[1]), -1, 1)
-        return mixed
-
-    def _frame(self, samples: Samples) -> av.AudioFrame:
-        if self._format == "fltp":
-            data = np.ascontiguousarray(samples)
-        else:  # "flt", interleaved
-            data = np.ascontiguousarray(samples.T).reshape(1, -1)
-        frame = av.AudioFrame.from_ndarray(data, self._format, "stereo")
-        frame.sample_rate = SAMPLE_RATE
-        frame.pts = self._written
-        frame.time_base = Fraction(1, SAMPLE_RATE)
-        return frame
-
-    def flush(self) -> Iterator[Packet[AudioStream]]:
-        yield from self._stream.encode(None)
+    def flush(self) -> Iterator[Packet[Any]]:
+        yield from self.target.encode(None)
 
     def close(self) -> None:
         for track in self._tracks or []:
             track.close()
 
+    def _frame(self, samples: Samples) -> av.AudioFrame:
+        form = self.target.codec_context.format.name
+        data = samples if form == "fltp" else samples.T.reshape(1, -1)  # "flt", interleaved
+        frame = av.AudioFrame.from_ndarray(np.ascontiguousarray(data), form, self._form.layout)
+        frame.sample_rate = self._form.rate
+        frame.pts = self._written
+        frame.time_base = Fraction(1, self._form.rate)
+        return frame
+
+
+def _set_up(context: Any, codec: str, rate: int, layout: str) -> None:
+    context.sample_rate, context.layout, context.format = rate, layout, "flt" if codec == "libopus" else "fltp"
+    context.bit_rate = _CHANNEL_BIT_RATE * context.layout.nb_channels
+
+
+def _mix(parts: list[Samples]) -> Samples:
+    if len(parts) == 1:
+        return parts[0]
+    mixed: Samples = np.clip(MIX_GAIN * (parts[0] + parts[1]), -1, 1)
+    return mixed
+
 
 class _Track:
     """Reads any number of samples at a time from blocks of any length; silence after their end."""
 
-    def __init__(self, blocks: Iterator[Samples]) -> None:
-        self._blocks = blocks
-        self._rest: Samples = np.zeros((2, 0), np.float32)
+    def __init__(self, blocks: Iterator[Samples], channels: int) -> None:
+        self._blocks, self._channels = blocks, channels
+        self._rest: Samples = np.zeros((channels, 0), np.float32)
 
     def read(self, count: int) -> Samples:
-        parts, missing = [], count
+        parts, missing = [np.zeros((self._channels, 0), np.float32)], count
         while missing > 0:
             if self._rest.shape[1] == 0:
-                self._rest = next(self._blocks, np.zeros((2, missing), np.float32))
+                self._rest = next(self._blocks, np.zeros((self._channels, missing), np.float32))
             part = self._rest[:, :missing]
             self._rest = self._rest[:, missing:]
             parts.append(part)
             missing -= part.shape[1]
-        return np.concatenate(parts, axis=1) if parts else np.zeros((2, 0), np.float32)
+        return np.concatenate(parts, axis=1)
 
     def close(self) -> None:
         close = getattr(self._blocks, "close", None)
@@ -237,55 +141,71 @@ class _Track:
             close()
 
 
-def _ad_samples(path: Path, loop: bool, warn: Warn) -> Iterator[Samples]:
-    """The ad's sound from its first picture on; a looped ad's begins again exactly when its picture does."""
+def silence(seconds: Fraction, form: Form) -> Samples:
+    """(channels, n) zeros."""
+    return np.zeros((form.channels, round(max(seconds, Fraction(0)) * form.rate)), np.float32)
+
+
+def ad_samples(path: Path, index: int, form: Form, loop: bool, warn: Warn) -> Iterator[Samples]:
+    """An ad's sound from its first picture on; a looped ad's begins again exactly when its picture does."""
     if not loop:
-        yield from _samples(path, None, warn)
+        yield from samples(path, index, form, None, warn)
         return
     duration = picture_duration(path)
     for turn in itertools.count():
-        count = round((turn + 1) * duration * SAMPLE_RATE) - round(turn * duration * SAMPLE_RATE)
-        track = _Track(_samples(path, None, warn))
+        count = round((turn + 1) * duration * form.rate) - round(turn * duration * form.rate)
+        track = _Track(samples(path, index, form, None, warn), form.channels)
         while count > 0:
-            block = track.read(min(count, _BLOCK_SAMPLES))
+            block = track.read(min(count, _BLOCK_SECONDS * form.rate))
             yield block
             count -= block.shape[1]
         track.close()
 
 
-def _samples(path: Path, start: Fraction | None, warn: Warn) -> Iterator[Samples]:
-    """A file's sound from `start` seconds (None: from its first picture) without gaps, as its timestamps place it."""
-    with av.open(str(path)) as container:
-        stream = container.streams.audio[0]
+def samples(path: Path, index: int, form: Form, start: Fraction | None, warn: Warn) -> Iterator[Samples]:
+    """A track's sound from `start` seconds (None: from its first picture) without gaps, as its timestamps place it."""
+    container, stream = open_alone(path, index)
+    with container:
         if start is None:
             pictures = container.streams.video
             first = pictures[0] if pictures else stream
             start = (first.start_time or 0) * (first.time_base or Fraction(0))
-        done = 0
-        for time, block in _resampled(container, stream, warn):
-            begin = done if time is None else round((time - start) * SAMPLE_RATE)
-            if abs(begin - done) > _GAP_SAMPLES or (done == 0 and begin < 0):
+        done, gap = 0, round(_GAP_SECONDS * form.rate)
+        for time, block in _resampled(container, cast(AudioStream, stream), form, warn):
+            begin = done if time is None else round((time - start) * form.rate)
+            if abs(begin - done) > gap or (done == 0 and begin < 0):
                 block = block[:, max(0, done - begin) :]
                 while begin > done:
-                    silence = np.zeros((2, min(begin - done, _BLOCK_SAMPLES)), np.float32)
-                    yield silence
-                    done += silence.shape[1]
+                    missing = min(begin - done, _BLOCK_SECONDS * form.rate)
+                    yield np.zeros((form.channels, missing), np.float32)
+                    done += missing
             if block.shape[1]:
                 yield block
                 done += block.shape[1]
 
 
-def _resampled(container: InputContainer, stream: AudioStream, warn: Warn) -> Iterator[tuple[Fraction | None, Samples]]:
+def first_heard(path: Path, index: int) -> Fraction | None:
+    """When a track begins to be heard, in seconds on its file's clock; what only primes its decoder does not count."""
+    container, stream = open_alone(path, index)
+    with container:
+        for frame in _decoded(container, cast(AudioStream, stream), lambda message: None):
+            return None if frame.pts is None else frame.pts * cast(Fraction, frame.time_base)
+    return None
+
+
+def _resampled(
+    container: InputContainer, stream: AudioStream, form: Form, warn: Warn
+) -> Iterator[tuple[Fraction | None, Samples]]:
     """(time in seconds, samples) of each decoded piece of sound; a damaged piece is left out."""
-    resampler, layout = AudioResampler("fltp", "stereo", SAMPLE_RATE), None
+    resampler, before = AudioResampler("fltp", form.layout, form.rate), None
     frames = _decoded(container, stream, warn)
     for frame in itertools.chain(frames, [None]):
         now = (frame.format.name, frame.layout.name, frame.sample_rate) if frame else None
         ready = []
-        if now != layout and layout is not None:  # the sound's form changes on the way, or ends
+        if now != before and before is not None:  # the sound's form changes on the way, or ends
             ready += resampler.resample(None)
-            resampler = AudioResampler("fltp", "stereo", SAMPLE_RATE)
-        layout = now
+            resampler = AudioResampler("fltp", form.layout, form.rate)
+        before = now
         if frame is not None:
             ready += resampler.resample(frame)
         for piece in ready:

@@ -23,10 +23,10 @@ from hdn.imaging.arrays import Box, Picture
 
 from ..errors import InputError, RunError
 from . import codecs
-from .audio import Audio
 from .color import BT709, RGB, Colour, FromRGB
 from .palette import ToPalette
 from .planes import Planes, plain
+from .streams import Streams
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +37,8 @@ class VideoWriter:
     """Writes RGB frames to a video file, which appears under its name only once it is complete.
 
     Used as a context manager: leaving it normally finishes the file, leaving it by any exception removes what there is.
-    Frame times start at zero in the file whatever the first one is; the sound moves with them.
+    Frame times start at zero in the file whatever the first one is, but for sound that begins before the picture; all
+    that goes along moves with them.
     """
 
     def __init__(
@@ -49,7 +50,7 @@ class VideoWriter:
         *,
         codec: str | None = None,
         crf: float | None = None,
-        audio: Audio | None = None,
+        streams: Streams | None = None,
         time_base: Fraction | None = None,
         pixel_aspect: Fraction = Fraction(1),
         fast: bool = False,
@@ -65,7 +66,7 @@ class VideoWriter:
             rate: average frames per second, a hint for players; `write` says the times.
             codec: of `codecs.CODECS`, or an encoder by FFmpeg's name; None for the container's usual.
             crf: quality, lower is better, where the codec knows it: 0 to 51 (63 in VP9 and AV1).
-            audio: the sound; None for none.
+            streams: what goes along with the picture, as sound; None for nothing.
             time_base: seconds per tick in which all frame times are whole (the source's); None takes one for `rate`.
             pixel_aspect: a pixel's width over its height.
             fast: larger files, but H.264 and H.265 keep up with a live source.
@@ -95,10 +96,11 @@ class VideoWriter:
         self._rate = Fraction(rate)
         self._time_base = container.tick or time_base or _fine_time_base(self._rate)
         self._least_ticks = container.least_ticks
-        self._audio = audio
+        self._streams = streams
         self._form = pix_fmt, colour
         self._from_rgb = ToPalette(width, height) if pix_fmt == "pal8" else FromRGB(pix_fmt, colour)
         self._start: Fraction | None = None  # time of the first frame
+        self._zero = Fraction(0)  # where the file begins, by the clock of the frames' times
         self._kept: Packet[VideoStream] | None = None
         self._first_dts = 0
         self._last = self._end = Fraction(0)  # of the newest frame
@@ -110,8 +112,8 @@ class VideoWriter:
             options = dict(container.options)
             self._container = av.open(str(self._part), "w", format=container.muxer, container_options=options)
             self._stream = self._add_stream(chosen, crf, pix_fmt, pixel_aspect, fast)
-            if audio is not None:
-                audio.attach(self._container)
+            if streams is not None:
+                streams.attach(self._container, self._stream)
             self._container.start_encoding()
         except (av.FFmpegError, ValueError, OSError) as error:
             self._discard()
@@ -171,11 +173,12 @@ class VideoWriter:
             )
         if self._start is None:
             self._start = time
+            self._zero = time if self._streams is None else self._streams.begin(time)
         elif time <= self._last:
             raise ValueError(f"frame time {time} is not later than {self._last}")
         self._last = time
         self._end = time + (duration or 1 / self._rate)
-        pts = round((time - self._start) / self._time_base)
+        pts = round((time - self._zero) / self._time_base)
         if self._count and pts - self._pts < self._least_ticks:
             self._say_left_out()
             return
@@ -187,10 +190,9 @@ class VideoWriter:
             frame = self._from_rgb(image)
         frame.time_base, frame.pts = self._time_base, pts
         frame.duration = round((duration or 1 / self._rate) / self._time_base)
-        start = self._start
-        if self._audio is not None:
-            audio = self._audio
-            self._mux(lambda: audio.packets(start, time))
+        if self._streams is not None:
+            streams = self._streams
+            self._mux(lambda: streams.packets(time))
         self._mux(lambda: self._encode(frame))
 
     # ---- inside ----
@@ -255,10 +257,10 @@ class VideoWriter:
     def _finish(self) -> None:
         if self._start is None:
             raise RunError(f"cannot write {self.path}: there is no frame to write")
-        start, end = self._start, self._end
-        if self._audio is not None:
-            audio = self._audio
-            self._mux(lambda: audio.finish(start, end))
+        end = self._end
+        if self._streams is not None:
+            streams = self._streams
+            self._mux(lambda: streams.finish(end))
         self._mux(lambda: self._encode(None))
         self._mux(self._last_packet)
         try:
@@ -266,8 +268,8 @@ class VideoWriter:
             os.replace(self._part, self.path)
         except (av.FFmpegError, OSError) as error:
             raise self._failed(error) from error
-        if self._audio is not None:
-            self._audio.close()
+        if self._streams is not None:
+            self._streams.close()
 
     def _failed(self, error: Exception) -> RunError:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
@@ -277,8 +279,8 @@ class VideoWriter:
 
     def _discard(self) -> None:
         """Closes everything and removes the unfinished file."""
-        if self._audio is not None:
-            self._audio.close()
+        if self._streams is not None:
+            self._streams.close()
         with contextlib.suppress(AttributeError, av.FFmpegError, OSError, ValueError):
             self._container.close()  # tries to complete the file, which may well fail
         self._part.unlink(missing_ok=True)

@@ -54,6 +54,8 @@ OPTIONS: dict[str, list[str]] = {
     "flat": ["--flat"],
     "effect": ["--effect", "mosaic"],
     "audio": ["--audio", "mix"],
+    "streams": ["--streams", "first"],
+    "location": ["--no-location"],
     "backend": ["--backend", "opencv"],
     "crf": ["--crf", "30"],
     "codec": ["--codec", "libx265"],

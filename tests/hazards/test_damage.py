@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ar_demo.media.ad import open_ad
-from ar_demo.media.audio import Audio
 from ar_demo.media.reader import VideoReader
+from ar_demo.media.streams import Streams
 
 from .. import clips
 from ..videos import clip, rewrite
@@ -58,5 +58,5 @@ def test_damaged_sound_does_not_stop_the_picture(tmp_path: Path) -> None:
     source = clip(tmp_path / "in.mkv", 2, sound=clips.tone(2))
     broken = clips.truncated(clip(tmp_path / "ad.mkv", 2, sound=clips.tone(2)), 0.6)
     for mode in ("ad", "mix"):
-        output = rewrite(source, tmp_path / f"{mode}.mp4", Audio(mode, source, broken))
+        output = rewrite(source, tmp_path / f"{mode}.mp4", Streams(mode, source, broken))
         assert len(clips.frame_times(output)) == 50

@@ -9,8 +9,8 @@ from PIL import Image
 
 from ar_demo.errors import InputError
 from ar_demo.media.ad import open_ad
-from ar_demo.media.audio import Audio
 from ar_demo.media.reader import VideoReader
+from ar_demo.media.streams import Streams
 
 from .. import clips
 from ..videos import numbers, rewrite
@@ -25,7 +25,7 @@ def test_videos_are_read_and_written(tmp_path: Path, name: str) -> None:
     source = clips.make_clip(folder / "in.mp4", clips.numbered(20), sound=clips.tone(0.8)).rename(
         folder / f"{name}.mp4"
     )
-    output = rewrite(source, folder / f"{name} out.mp4", Audio("source", source))
+    output = rewrite(source, folder / f"{name} out.mp4", Streams("source", source))
     with VideoReader(output) as reader:
         assert numbers(reader.frames()) == list(range(20))
         assert reader.seekable

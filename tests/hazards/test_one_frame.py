@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from ar_demo.media.ad import open_ad
-from ar_demo.media.audio import Audio
 from ar_demo.media.reader import VideoReader
+from ar_demo.media.streams import Streams
 
 from .. import clips
 from ..videos import number_shown, numbers, rewrite, write
@@ -38,7 +38,7 @@ def test_every_encoder_writes_it(tmp_path: Path, codec: str, count: int) -> None
 def test_with_sound(tmp_path: Path) -> None:
     source = clips.make_clip(tmp_path / "in.mp4", clips.numbered(1), sound=clips.tone(1))
     for mode in ("source", "mix"):
-        output = rewrite(source, tmp_path / f"{mode}.mp4", Audio(mode, source, source))
+        output = rewrite(source, tmp_path / f"{mode}.mp4", Streams(mode, source, source))
         assert len(clips.frame_times(output)) == 1
         assert clips.read_sound(output).shape[1] / clips.SOUND_RATE < 0.1
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ar_demo.media.ad import open_ad
-from ar_demo.media.audio import Audio
 from ar_demo.media.reader import VideoReader
+from ar_demo.media.streams import Streams
 from ar_demo.media.writer import VideoWriter
 
 from .. import clips
@@ -64,7 +64,7 @@ def test_sound_stays_in_time_with_a_variable_rate_picture(tmp_path: Path, suffix
     images = [clips.number_image(255 if index in bright else 0) for index in range(len(times))]
     flashes = [float(times[index]) for index in sorted(bright)]
     source = clips.make_clip(tmp_path / "in.mp4", images, times=times, sound=clips.clicks(2, flashes))
-    output = rewrite(source, tmp_path / f"out.{suffix}", Audio("source", source))
+    output = rewrite(source, tmp_path / f"out.{suffix}", Streams("source", source))
     frames = list(VideoReader(output).frames())
     seen = [float(frame.time) for frame in frames if clips.number_of(frame.image) == 255]
     heard = clips.onsets(clips.read_sound(output))
