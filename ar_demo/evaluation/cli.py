@@ -9,6 +9,8 @@ frame where any of the surface is in view. Two more composites go the same way:
 
 What is compared is what the compositor made: it is written without loss, as RGB. The clips that are read are
 compressed, the poster's and the true one alike, which bounds what can be reached.
+
+`--self` needs no truth: see `own_surface`. `--marks` counts what is in front by marks made by hand: see `marks`.
 """
 
 import csv
@@ -16,6 +18,7 @@ import json
 import logging
 import os
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -24,12 +27,15 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
+from hdn.benchmark.datasets import open_dataset
 from hdn.benchmark.identity import digest, sources, tracker_sources
 from hdn.commandline import DONE, Parser, run
 from hdn.imaging.arrays import Array, Image
 from hdn.networks.weights import configuration, shipped
 
 from ..errors import InputError
+from . import own_surface
+from .marks import Count, count, read_marks
 from .quality import NAMES
 from .scenes import COMPOSITES, Scene, Scores, evaluate, read_scenes
 
@@ -51,7 +57,21 @@ def _command(arguments: Sequence[str] | None) -> int:
         "again when code or weights have changed.",
         epilog="Exit status: 0 done, 1 failed while working, 2 wrong input.",
     )
-    parser.add_argument("folder", type=Path, help="what hdn-synthplanar wrote")
+    parser.add_argument("folder", type=Path, help="what hdn-synthplanar wrote; with --self or --marks, clips")
+    other = parser.add_mutually_exclusive_group()
+    other.add_argument(
+        "--self",
+        action="store_true",
+        dest="own",
+        help="put each surface's own picture back onto it, and compare with the clip itself (folder of NAME.mp4 with "
+        "NAME.json, or any that hdn-eval reads)",
+    )
+    other.add_argument(
+        "--marks",
+        type=Path,
+        metavar="FILE",
+        help="count how much of what is in front is kept, and of the surface replaced, by a file of marks",
+    )
     parser.add_argument("--out", type=Path, default=Path("runs/ar-eval"), metavar="DIR", help="default runs/ar-eval")
     parser.add_argument("--only", metavar="PATTERN", help="only sequences with such names, as in 'scale-*'")
     parser.add_argument("--limit", type=int, metavar="N", help="only each clip's first N frames")
@@ -61,6 +81,12 @@ def _command(arguments: Sequence[str] | None) -> int:
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING)
     if options.limit is not None and options.limit < 2:
         raise InputError("--limit takes 2 or more")
+    if options.own or options.marks is not None:
+        markdown = _own(options) if options.own else _marked(options)
+        if not options.quiet:
+            print(markdown)
+            print(f"Written to {options.out}")
+        return DONE
     scenes = [s for s in read_scenes(options.folder) if options.only is None or fnmatchcase(s.name, options.only)]
     if not scenes:
         raise InputError(f"no sequence is called like '{options.only}': see the names without --only")
@@ -70,6 +96,49 @@ def _command(arguments: Sequence[str] | None) -> int:
         print(markdown)
         print(f"Written to {options.out}")
     return DONE
+
+
+def _own(options: Namespace) -> str:
+    clips = [c for c in open_dataset(str(options.folder)) if options.only is None or fnmatchcase(c.name, options.only)]
+    if not clips:
+        raise InputError(f"no clip is called like '{options.only}': see the names without --only")
+    options.out.mkdir(parents=True, exist_ok=True)
+    lines = ["| clip | " + " | ".join(own_surface.NAMES) + " |", "|---" * (len(own_surface.NAMES) + 1) + "|"]
+    found = [
+        own_surface.evaluate_own(clip.limited(options.limit), options.weights, options.out / f"{clip.name}-worst.png")
+        for clip in tqdm(clips, unit=" clips", disable=not sys.stderr.isatty())
+    ]
+    rows = [(one.name, one.mean) for one in found] + [("mean", np.mean([one.mean for one in found], 0))]
+    for name, mean in rows:
+        digits = (2 if figure.startswith("PSNR") else 3 for figure in own_surface.NAMES)
+        lines.append(f"| {name} | " + " | ".join(f"{m:.{n}f}" for m, n in zip(mean, digits, strict=True)) + " |")
+    markdown = "\n".join(lines) + "\n"
+    (options.out / "own.md").write_text(markdown, encoding="utf-8")
+    return markdown
+
+
+def _marked(options: Namespace) -> str:
+    clips = read_marks(options.marks)
+    clips = [c for c in clips if options.only is None or fnmatchcase(Path(c.clip).stem, options.only)]
+    options.out.mkdir(parents=True, exist_ok=True)
+    lines = ["| clip | frame | in front, kept | surface, replaced |", "|---|---|---|---|"]
+    counts: list[Count] = []
+    for clip in tqdm(clips, unit=" clips", disable=not sys.stderr.isatty()):
+        name = Path(clip.clip).stem
+        found = count(clip, options.folder, options.weights, options.out / f"{name}-marks.png")
+        lines += [f"| {name} | {one.frame} | {_shares([one])} |" for one in found]
+        lines.append(f"| {name} | {len(found)} of {len(clip.frames)} | {_shares(found)} |")
+        counts += found
+    lines.append(f"| all | {len(counts)} | {_shares(counts)} |")
+    markdown = "\n".join(lines) + "\n"
+    (options.out / "marks.md").write_text(markdown, encoding="utf-8")
+    return markdown
+
+
+def _shares(counts: Sequence[Count]) -> str:
+    """Of the pixels in front the share that is kept, and of the surface's the share that is replaced, as cells."""
+    front, kept, surface, replaced = (sum(numbers) for numbers in zip(*(one[1:] for one in counts), strict=True))
+    return " | ".join(f"{part / whole:.3f}" if whole else "" for part, whole in ((kept, front), (replaced, surface)))
 
 
 def evaluate_all(scenes: list[Scene], out: Path, weights: Path | None = None) -> list[Scores]:

@@ -19,6 +19,7 @@ class QualityMeasures:
     window_deviation_px: float = 1.5  # standard deviation of that window's Gaussian weights
     c1_grey2: float = (0.01 * 255) ** 2  # steadies the comparison of means
     c2_grey2: float = (0.03 * 255) ** 2  # steadies that of variances
+    c_gradient_grey2: float = 170.0  # steadies the comparison of gradients
     min_error_grey2: float = 1 / 12  # mean squared error of rounding to whole grey levels: less is told from none
 
 
@@ -72,6 +73,19 @@ def ssim(a: Image, b: Image) -> Array:
     return brightness * (2 * covariance + MEASURES.c2_grey2) / (variance_x + variance_y + MEASURES.c2_grey2)
 
 
+def gradient_deviation(picture: Image, truth: Image, quad: Array) -> float:
+    """Gradient magnitude similarity deviation inside a quad (4, 2) of a frame: 0 is alike (Xue et al., 2014)."""
+    box = _box(quad, truth.shape)
+    if box is None:
+        return np.nan
+    inside, _ = regions(quad - [box[1].start, box[0].start], picture[box].shape)
+    if not inside.any():
+        return np.nan
+    a, b = (_gradient(_grey(image[box])) for image in (picture, truth))
+    similar = (2 * a * b + MEASURES.c_gradient_grey2) / (a * a + b * b + MEASURES.c_gradient_grey2)
+    return float(similar[inside].std())
+
+
 def plain_warp(frame: Image, ad: Image, quad: Array) -> None:
     """The baseline: an ad (h, w, 3) warped onto a quad with bilinear sampling and hard edges, in place."""
     box = _box(quad, frame.shape)
@@ -91,6 +105,13 @@ def plain_warp(frame: Image, ad: Image, quad: Array) -> None:
 def _window(plane: Array) -> Array:
     size = 2 * MEASURES.window_reach_px + 1
     return np.asarray(cv2.GaussianBlur(plane, (size, size), MEASURES.window_deviation_px), np.float64)
+
+
+def _gradient(grey: Image) -> Array:
+    """Magnitude of the gradient (H, W) by Prewitt's filter, as the paper has it."""
+    kernel = np.array([[1, 0, -1]] * 3) / 3
+    x, y = (cv2.filter2D(grey.astype(np.float64), -1, k) for k in (kernel, kernel.T))
+    return np.hypot(x, y)
 
 
 def _mean(values: Array, mask: Mask) -> float:
