@@ -2,19 +2,20 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace as changed
 from pathlib import Path
 
 from hdn.imaging.arrays import Image
 
-from .errors import InputError
+from .errors import InputError, RunError, Stopped
+from .media.claims import check_different, free_name
 from .media.codecs import check_video_name
 from .media.pictures import check_picture_name, write_picture
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, silent
-from .rendering.painting import check_ad
 from .results import Result
-from .session import Session, check_output
+from .session import Session, check_output, claimed_output
 from .surface import Surface
 from .tracking.protocol import MakeTracker, MappingTracker, PlanarTracker, hdn_trackers
 from .tracks import Track
@@ -51,19 +52,36 @@ def replace(
         raise InputError("there is no surface: give one, with its quad or a track")
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
     output = Path(output) if output is not None else default_output(Path(input))
-    check_output(output, options, input, *(surface.ad for surface in surfaces))
-    for surface in surfaces:
-        check_ad(surface)
     files = track_files(Path(save_track), len(surfaces)) if save_track is not None else []
-    for file in files:
-        check_output(file, options, input)
-    with Session(input, listen) as session:
+    check_different([output, *files])
+    with ExitStack() as held, Session(input, listen) as session:
+        inputs = (input, *(surface.ad for surface in surfaces))
+        claim, *claims = (held.enter_context(claimed_output(file, options, *inputs)) for file in (output, *files))
+        session.check(surfaces, claim, options)
         tracked = session.track(surfaces, tracking)
-        for file, surface in zip(files, tracked, strict=False):
+        for file, surface in zip(claims, tracked, strict=False):
             if surface.track is not None:
                 surface.track.save(file)
-        result = session.render(tracked, output, options)
+        try:
+            result = session.render(tracked, claim, options, tracking.end)
+        except (RunError, OSError) as error:
+            new = [now.track for now, given in zip(tracked, surfaces, strict=True) if now.track is not given.track]
+            if isinstance(error, Stopped) or not new:
+                raise
+            raise RunError(f"{error}; {_kept([track for track in new if track], files, output)}") from error
     return changed(result, seconds=time.perf_counter() - started)
+
+
+def _kept(tracks: Sequence[Track], files: Sequence[Path], output: Path) -> str:
+    """Saves the tracks of an output that failed, if they are not saved already; where they are, in words."""
+    try:
+        if not files:
+            files = [free_name(file) for file in track_files(output.with_name(KEPT.format(output.stem)), len(tracks))]
+            for track, file in zip(tracks, files, strict=True):
+                track.save(file)
+    except (InputError, RunError):
+        return "its track could not be kept either"
+    return f"its track is kept, see --track: {', '.join(map(str, files))}"
 
 
 def track(
@@ -75,6 +93,7 @@ def track(
     save_map: Path | str | None = None,
     save_steady: Path | str | None = None,
     options: OutputOptions | None = None,
+    save_track: Path | str | None = None,
 ) -> Track:
     """Tracks a surface through a video; one that has a track is tracked anew next to keyframes that are new to it.
 
@@ -85,27 +104,35 @@ def track(
         save_map: picture to write, of the tracker's map of the plane.
         save_steady: video to write, in which the surface stands still, see `Session.steady`.
         options: how that is written, and whether existing files may be replaced.
+        save_track: track file to write.
 
     Raises:
         InputError: see `Session.track`; a map of a tracker that keeps none, an output that exists.
         RunError: an output cannot be written.
     """
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
-    outputs = [Path(path) for path in (save_map, save_steady) if path is not None]
-    for output in outputs:
-        check_output(output, options, input)
+    outputs = save_track, save_map, save_steady
+    named = [Path(path) for path in outputs if path is not None]
+    check_different(named)
+    for path in named:
+        check_output(path, options, input)
     mapped = _Mapped(make_tracker, tracking) if save_map is not None else None
     if save_map is not None:
         check_picture_name(Path(save_map))
     if save_steady is not None:
         check_video_name(Path(save_steady))
-    with Session(input, listen, mapped or make_tracker) as session:
+    with ExitStack() as held, Session(input, listen, mapped or make_tracker) as session:
+        file, picture, steady = (
+            None if path is None else held.enter_context(claimed_output(path, options, input)) for path in outputs
+        )
         [tracked] = session.track([surface], tracking)
         assert tracked.track is not None
-        if mapped is not None and save_map is not None:
-            write_picture(Path(save_map), mapped.picture())
-        if save_steady is not None:
-            session.steady(tracked.track, save_steady, options)
+        if file is not None:
+            tracked.track.save(file)
+        if mapped is not None and picture is not None:
+            write_picture(picture, mapped.picture())
+        if steady is not None:
+            session.steady(tracked.track, steady, options)
     return tracked.track
 
 
@@ -130,6 +157,9 @@ class _Mapped:
         if self._first is None:
             raise InputError("nothing was tracked, so there is no map: leave --save-map out")
         return self._first.map_picture()
+
+
+KEPT = "{}.track.json"  # a track's file, by the name of the output that it was made for
 
 
 def default_output(input: Path) -> Path:

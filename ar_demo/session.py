@@ -2,14 +2,16 @@
 
 import logging
 import time
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace as changed
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar
 
+from .compositing.compositor import open_compositor
 from .errors import InputError
+from .media.claims import Claim, check_name, claimed
 from .media.codecs import holds_sound
 from .media.planes import plain
 from .media.reader import IndexDropped, VideoReader
@@ -19,11 +21,13 @@ from .media.writer import VideoWriter
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, Stage, silent
 from .rendering.loop import Renderer
+from .rendering.painting import check_ad
 from .rendering.steady import SteadyView
 from .results import Result, total
 from .stopping import StopSignal
-from .surface import FIRST, Surface
+from .surface import FIRST, Moment, Surface
 from .tracking.corrections import needs_correction
+from .tracking.moments import is_within, until
 from .tracking.passes import Passes
 from .tracking.protocol import MakeTracker, hdn_trackers
 from .tracks import Track
@@ -95,10 +99,33 @@ class Session(AbstractContextManager["Session"]):
             for surface in surfaces
         ]
 
-    def render(self, surfaces: Sequence[Surface], output: Path | str, options: OutputOptions | None = None) -> Result:
+    def check(self, surfaces: Sequence[Surface], output: Claim, options: OutputOptions | None = None) -> None:
+        """Opens once all that `render` will need, but the tracks: so it fails before the work, or not for this.
+
+        Raises:
+            InputError, RunError: see `render`.
+        """
+        options = options or OutputOptions()
+        for surface in surfaces:
+            check_ad(surface)
+        if options.backend != "auto":
+            open_compositor(options.backend).close()
+        self._writer(output, options, self._streams(surfaces, output, options, Moment())).discard()
+
+    def render(
+        self,
+        surfaces: Sequence[Surface],
+        output: Path | str | Claim,
+        options: OutputOptions | None = None,
+        end: Moment | None = None,
+    ) -> Result:
         """Lays the ads on their tracked surfaces and writes the video; later ones lie over earlier ones.
 
-        The sound of the ad, where the options ask for it, is the first ad's.
+        The sound of the ad, where the options ask for it, is the first ad's. What comes after a track's end is copied.
+
+        Args:
+            output: the video to write, or a claim on its name.
+            end: the last frame; None for the video's.
 
         Raises:
             InputError: surfaces without tracks, tracks of another video, files that cannot be read, an output that
@@ -106,89 +133,102 @@ class Session(AbstractContextManager["Session"]):
             RunError: the output cannot be written, the compositing backend is not available.
             Stopped: see `stop`.
         """
-        options, output = options or OutputOptions(), Path(output)
-        check_output(output, options, self.reader.path, *(surface.ad for surface in surfaces))
-        tracks = [surface.track for surface in surfaces if surface.track is not None]
-        for track in tracks:
-            check_belongs_to(track, self.reader)
-        return self._numbered_rightly(lambda: self._render(surfaces, tracks, output, options))
+        options = options or OutputOptions()
+        with claimed_output(output, options, self.reader.path, *(surface.ad for surface in surfaces)) as claim:
+            tracks = [surface.track for surface in surfaces if surface.track is not None]
+            for track in tracks:
+                check_belongs_to(track, self.reader)
+            return self._numbered_rightly(lambda: self._render(surfaces, tracks, claim, options, end or Moment()))
 
     def _render(
-        self, surfaces: Sequence[Surface], tracks: Sequence[Track], output: Path, options: OutputOptions
+        self, surfaces: Sequence[Surface], tracks: Sequence[Track], output: Claim, options: OutputOptions, end: Moment
     ) -> Result:
         started, info = time.perf_counter(), self.reader.info
-        heard = next((surface for surface in surfaces if surface.ad is not None), surfaces[0])
-        sound = options.audio if holds_sound(output) else "none"
-        streams = Streams(
-            sound,
-            self.reader.path,
-            Path(heard.ad) if heard.ad else None,
-            heard.playback,
-            options.streams,
-            options.location,
-            next(iter(self.reader.times[max(map(len, tracks), default=0) :]), None),
-        )
-        depth = info.depth if options.depth == "source" else int(options.depth)
-        # Players often know 4:2:0 alone, where there are 8 bits.
-        keeps_chroma = options.depth == "source" or plain(info.pixel_format) == "yuv420p"
+        streams = self._streams(surfaces, output, options, end)
         with (
-            VideoReader(self.reader.path, depth=16 if depth > 8 else 8) as reader,
+            VideoReader(self.reader.path, depth=16 if self._depth(options) > 8 else 8) as reader,
             Renderer(self.reader, surfaces, options.backend) as renderer,
-            VideoWriter(
-                output,
-                info.width,
-                info.height,
-                info.rate,
-                codec=options.codec,
-                crf=options.crf,
-                streams=streams,
-                time_base=info.time_base,
-                pixel_aspect=info.pixel_aspect,
-                depth=depth,
-                pixel_format=info.pixel_format if keeps_chroma else None,
-                colour=info.colour,
-            ) as writer,
-            ahead(reader.frames(0, renderer.length)) as frames,
+            self._writer(output, options, streams) as writer,
+            ahead(until(reader.frames(), end, self.reader.times[0])) as frames,
             behind(writer.write) as write,
         ):
             length, count = renderer.length, 0
-            show = Stage(self.listen, "render", 0, length)
+            show = Stage(self.listen, "render", 0, info.frames if end == Moment() else length)
             for frame in renderer.draw(self._stop.watch(frames)):
                 write(frame.image, frame.time, frame.duration, frame.planes, frame.drawn)
                 count += 1
                 show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.image)
             warnings = [*tracks_warnings(tracks, self.reader.warnings), *self.reader.warnings, *reader.warnings]
-            if sound != options.audio and info.has_audio:
-                warnings.append(f"{output.suffix} holds no sound: it is left out")
-            if count < length:
+            if options.audio != "none" and info.has_audio and not holds_sound(output.path):
+                warnings.append(f"{output.path.suffix} holds no sound: it is left out")
+            if count < length and end == Moment():
                 warnings.append(
                     f"{self.reader.path} has only {count} of the track's {length} frames: the rest is left out"
                 )
             description = renderer.description
         return Result(
-            output,
+            output.path,
             count,
             total(track.counts for track in tracks),
             time.perf_counter() - started,
             description,
-            list(dict.fromkeys([*warnings, *streams.warnings])),
+            list(dict.fromkeys([*warnings, *ends_warnings(tracks, count), *streams.warnings])),
             [{"ad": s.name, "states": track.counts} for s, track in zip(surfaces, tracks, strict=True)],
         )
 
-    def steady(self, track: Track, output: Path | str, options: OutputOptions | None = None) -> None:
+    def _streams(self, surfaces: Sequence[Surface], output: Claim, options: OutputOptions, end: Moment) -> Streams:
+        heard = next((surface for surface in surfaces if surface.ad is not None), surfaces[0])
+        times = self.reader.times
+        return Streams(
+            options.audio if holds_sound(output.path) else "none",
+            self.reader.path,
+            Path(heard.ad) if heard.ad else None,
+            heard.playback,
+            options.streams,
+            options.location,
+            next((time for i, time in enumerate(times) if not is_within(end, i, time - times[0])), None),
+        )
+
+    def _depth(self, options: OutputOptions) -> int:
+        """Bits per sample of the output."""
+        return self.reader.info.depth if options.depth == "source" else int(options.depth)
+
+    def _writer(self, output: Claim, options: OutputOptions, streams: Streams) -> VideoWriter:
+        info = self.reader.info
+        # Players often know 4:2:0 alone, where there are 8 bits.
+        keeps_chroma = options.depth == "source" or plain(info.pixel_format) == "yuv420p"
+        return VideoWriter(
+            output,
+            info.width,
+            info.height,
+            info.rate,
+            codec=options.codec,
+            crf=options.crf,
+            streams=streams,
+            time_base=info.time_base,
+            pixel_aspect=info.pixel_aspect,
+            depth=self._depth(options),
+            pixel_format=info.pixel_format if keeps_chroma else None,
+            colour=info.colour,
+        )
+
+    def steady(self, track: Track, output: Path | str | Claim, options: OutputOptions | None = None) -> None:
         """Writes the video with the surface standing still, as in the reference frame; see `SteadyView`.
+
+        Args:
+            output: the video to write, or a claim on its name.
 
         Raises:
             InputError: a track of another video, an output that exists, unknown codec.
             RunError: the output cannot be written.
             Stopped: see `stop`.
         """
-        options, output = options or OutputOptions(), Path(output)
-        check_output(output, options, self.reader.path)
-        check_belongs_to(track, self.reader)
-        self._numbered_rightly(lambda: self._steady(track, output, options))
+        options = options or OutputOptions()
+        with claimed_output(output, options, self.reader.path) as claim:
+            check_belongs_to(track, self.reader)
+            self._numbered_rightly(lambda: self._steady(track, claim, options))
 
-    def _steady(self, track: Track, output: Path, options: OutputOptions) -> None:
+    def _steady(self, track: Track, output: Claim, options: OutputOptions) -> None:
         view, info = SteadyView(track), self.reader.info
         show = Stage(self.listen, "steady view", 0, len(track))
         with (
@@ -238,14 +278,34 @@ def tracks_warnings(tracks: Sequence[Track], of_video: Sequence[str]) -> list[st
     ]
 
 
+def ends_warnings(tracks: Sequence[Track], frames: int) -> list[str]:
+    """Which of the tracks end before the output, of so many frames, does."""
+    return [
+        f"{f'surface {number}: ' if len(tracks) > 1 else ''}the track ends with frame {len(track) - 1}, and the video "
+        f"with frame {frames - 1}: what comes after the track is copied as it is"
+        for number, track in enumerate(tracks, 1)
+        if len(track) < frames
+    ]
+
+
 def check_output(output: Path, options: OutputOptions, *inputs: Path | str | None) -> None:
-    """Raises InputError where the output may not be written: it exists, is an input, or its folder is missing."""
-    if not output.parent.is_dir():
-        raise InputError(f"the output folder {output.parent} does not exist: make it first")
+    """Raises InputError where the output may not be written: it is an input, or `check_name` refuses it."""
     if any(source is not None and Path(source).resolve() == output.resolve() for source in inputs):
         raise InputError(f"{output} is an input as well: choose another output with -o")
-    if output.exists() and not options.overwrite:
-        raise InputError(f"{output} exists already: choose another output with -o, or give --overwrite")
+    check_name(output, options.overwrite)
+
+
+@contextmanager
+def claimed_output(output: Path | str | Claim, options: OutputOptions, *inputs: Path | str | None) -> Iterator[Claim]:
+    """An output's claim for as long as the context lasts; one that was made earlier stays its owner's.
+
+    Raises:
+        InputError: see `check_output`; another run is writing to it.
+    """
+    if not isinstance(output, Claim):
+        check_output(Path(output), options, *inputs)
+    with claimed(output, options.overwrite) as claim:
+        yield claim
 
 
 def check_belongs_to(track: Track, reader: VideoReader) -> None:

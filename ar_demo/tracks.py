@@ -1,7 +1,6 @@
 """The track: where the surface is in every frame, as data that is saved, loaded and edited."""
 
 import json
-import os
 from collections import Counter
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -16,7 +15,8 @@ from hdn.imaging.homography import from_corners
 from hdn.imaging.regions import EVERYWHERE, Region
 from hdn.state import STATES, State
 
-from .errors import InputError, RunError
+from .errors import InputError
+from .media.claims import Claim, write_whole
 
 VERSION = 1
 
@@ -94,10 +94,11 @@ class Track:
         """Reference-frame pixels to those of frame `index`, (3, 3); None where there is no pose."""
         return from_corners(self.quad, self.corners[index]) if self.known[index] else None
 
-    def save(self, path: Path | str) -> None:
+    def save(self, path: Path | str | Claim) -> None:
         """Writes the track file (JSON, version 1), whole or not at all.
 
         Raises:
+            InputError: there can be no file of this name.
             RunError: the file cannot be written.
         """
         frames = []
@@ -134,14 +135,7 @@ class Track:
             "warnings": self.warnings,
             "frames": frames,
         }
-        path = Path(path)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            part.write_text(json.dumps(content))
-            part.replace(path)
-        except OSError as error:
-            part.unlink(missing_ok=True)
-            raise RunError(f"cannot write {path}: {error.strerror}") from error
+        write_whole(path, json.dumps(content).encode())
 
     @classmethod
     def load(cls, path: Path | str) -> "Track":

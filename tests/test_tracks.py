@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ar_demo.tracks import Source, Track
-from hdn.errors import InputError, RunError
+from hdn.errors import InputError
 from hdn.imaging.homography import transform
 from hdn.imaging.regions import Region
 
@@ -124,6 +124,6 @@ def test_refuses_other_files(tmp_path: Path, content: str) -> None:
 def test_leaves_nothing_behind_where_it_cannot_write(track: Track, tmp_path: Path) -> None:
     target = tmp_path / "taken"
     target.mkdir()
-    with pytest.raises(RunError, match="cannot write"):
+    with pytest.raises(InputError, match="is a folder"):
         track.save(target)
     assert list(tmp_path.iterdir()) == [target]

@@ -12,7 +12,6 @@ from ..live import LiveSession
 from ..options import OutputOptions, TrackingOptions
 from ..pipeline import default_output, replace, track
 from ..results import Result
-from ..session import check_output
 from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
 from ..tracking.corrections import needs_correction
 from ..tracks import Track
@@ -59,13 +58,10 @@ def track_command(given: Namespace) -> int:
     _check_tracked(given, [surface])
     output = given.output if "output" in given else given.input.with_name(f"{given.input.stem}.track.json")
     options = OutputOptions(**_of(OutputOptions, given))
-    check_output(output, options, given.input)
     pictures = {name: getattr(given, name) for name in ("save_map", "save_steady") if name in given}
-    _check_different([output, *pictures.values()])
     with Bar("quiet" in given) as bar:
         tracking = TrackingOptions(**_of(TrackingOptions, given))
-        result = track(given.input, surface, tracking, bar, options=options, **pictures)
-    result.save(output)
+        result = track(given.input, surface, tracking, bar, options=options, save_track=output, **pictures)
     if "json" in given:
         summary = {"output": str(output), "frames": len(result), "states": result.counts, "warnings": result.warnings}
         print(json.dumps(summary))
@@ -129,12 +125,6 @@ def _check_tracked(given: Namespace, surfaces: list[Surface]) -> None:
         for name in ("smooth", "device", "weights", "save_map"):
             if name in given:
                 raise InputError(f"{flag(name)} does nothing, for the track is complete: leave it out")
-
-
-def _check_different(outputs: list[Path]) -> None:
-    """Raises InputError where two of the outputs are one file."""
-    if len({path.resolve() for path in outputs}) < len(outputs):
-        raise InputError("two outputs have the same name: give each its own")
 
 
 def _either(name: str, given: Namespace, in_job: Any) -> Any:

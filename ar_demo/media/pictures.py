@@ -1,13 +1,13 @@
 """Writing single pictures."""
 
-import os
 from pathlib import Path
 
 import cv2
 
 from hdn.imaging.arrays import Image
 
-from ..errors import InputError, RunError
+from ..errors import InputError
+from .claims import Claim, write_whole
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 
@@ -18,19 +18,14 @@ def check_picture_name(path: Path) -> None:
         raise InputError(f"{path}: a picture must end in one of {', '.join(SUFFIXES)}")
 
 
-def write_picture(path: Path, picture: Image) -> None:
+def write_picture(output: Path | Claim, picture: Image) -> None:
     """Writes an RGB picture (h, w, 3), whole or not at all, in the format that the name ends in.
 
     Raises:
         InputError: the name has another ending.
         RunError: it cannot be written.
     """
+    path = output.path if isinstance(output, Claim) else output
     check_picture_name(path)
     _, encoded = cv2.imencode(path.suffix.lower(), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(encoded.tobytes())
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise RunError(f"cannot write {path}: {error.strerror}") from error
+    write_whole(output, encoded.tobytes())

@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import logging
-import os
-import secrets
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -23,6 +21,7 @@ from hdn.imaging.arrays import Box, Picture
 
 from ..errors import InputError, RunError
 from . import codecs
+from .claims import Claim, reason_of
 from .color import BT709, RGB, Colour, FromRGB
 from .palette import ToPalette
 from .planes import Planes, plain
@@ -43,7 +42,7 @@ class VideoWriter:
 
     def __init__(
         self,
-        path: Path | str,
+        path: Path | str | Claim,
         width: int,
         height: int,
         rate: Fraction,
@@ -61,7 +60,8 @@ class VideoWriter:
         """Begins a file.
 
         Args:
-            path: in a folder that exists, with the ending of one of `codecs.CONTAINERS`.
+            path: in a folder that exists, with the ending of one of `codecs.CONTAINERS`; what is there is replaced. A
+                claim that was made earlier says whether it may be, and stays its owner's.
             width, height: of the frames, px.
             rate: average frames per second, a hint for players; `write` says the times.
             codec: of `codecs.CODECS`, or an encoder by FFmpeg's name; None for the container's usual.
@@ -79,10 +79,8 @@ class VideoWriter:
             InputError: the container or codec cannot do this; nothing has been written.
             RunError: the file cannot be begun.
         """
-        self.path = Path(path)
+        self.path = path.path if isinstance(path, Claim) else Path(path)
         chosen = codecs.choose(self.path, codec)
-        if not self.path.parent.is_dir():
-            raise InputError(f"folder {self.path.parent} of the output does not exist: create it first")
         suffix = self.path.suffix.lower()
         container = codecs.CONTAINERS[suffix]
         like = pixel_format and plain(pixel_format)
@@ -107,16 +105,18 @@ class VideoWriter:
         self._leaves_out = False
         self._pts = 0  # of the newest frame, ticks
         self._count = 0
-        self._part = self.path.with_name(f".{self.path.stem}.{secrets.token_hex(4)}.part{self.path.suffix}")
+        self._is_owner = not isinstance(path, Claim)
+        self._claim = path if isinstance(path, Claim) else Claim(path, overwrite=True)
         try:
             options = dict(container.options)
-            self._container = av.open(str(self._part), "w", format=container.muxer, container_options=options)
+            part = str(self._claim.part)
+            self._container = av.open(part, "w", format=container.muxer, container_options=options)
             self._stream = self._add_stream(chosen, crf, pix_fmt, pixel_aspect, fast)
             if streams is not None:
                 streams.attach(self._container, self._stream)
             self._container.start_encoding()
         except (av.FFmpegError, ValueError, OSError) as error:
-            self._discard()
+            self.discard()
             if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EPERM):
                 raise self._failed(error) from error
             raise InputError(
@@ -124,10 +124,10 @@ class VideoWriter:
                 "choose another codec or container"
             ) from error
         except BaseException:
-            self._discard()
+            self.discard()
             raise
         if crf is not None and "crf" in self._stream.codec_context.options:  # FFmpeg leaves what it did not use
-            self._discard()
+            self.discard()
             raise InputError(f"codec {chosen.name} knows no crf: leave --crf out, or choose h264, h265, av1 or vp9")
 
     def __enter__(self) -> VideoWriter:
@@ -137,12 +137,12 @@ class VideoWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if kind is not None:
-            self._discard()
+            self.discard()
             return
         try:
             self._finish()
         except BaseException:
-            self._discard()
+            self.discard()
             raise
 
     def write(
@@ -194,6 +194,17 @@ class VideoWriter:
             streams = self._streams
             self._mux(lambda: streams.packets(time))
         self._mux(lambda: self._encode(frame))
+
+    def discard(self) -> None:
+        """Closes everything and removes the unfinished file, as leaving the context by an exception does."""
+        if self._streams is not None:
+            self._streams.close()
+        self._claim.discard()  # before it is closed, which would complete a file of any size
+        with contextlib.suppress(AttributeError, av.FFmpegError, OSError, ValueError):
+            self._container.close()
+        self._claim.discard()
+        if self._is_owner:
+            self._claim.release()
 
     # ---- inside ----
 
@@ -265,25 +276,16 @@ class VideoWriter:
         self._mux(self._last_packet)
         try:
             self._container.close()
-            os.replace(self._part, self.path)
         except (av.FFmpegError, OSError) as error:
             raise self._failed(error) from error
+        self._claim.finish()
+        if self._is_owner:
+            self._claim.release()
         if self._streams is not None:
             self._streams.close()
 
     def _failed(self, error: Exception) -> RunError:
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
-        if getattr(error, "errno", None) == errno.ENOSPC:
-            reason = "no space left on the disk: free some, or write elsewhere"
-        return RunError(f"cannot write {self.path}: {reason}")
-
-    def _discard(self) -> None:
-        """Closes everything and removes the unfinished file."""
-        if self._streams is not None:
-            self._streams.close()
-        with contextlib.suppress(AttributeError, av.FFmpegError, OSError, ValueError):
-            self._container.close()  # tries to complete the file, which may well fail
-        self._part.unlink(missing_ok=True)
+        return RunError(f"cannot write {self.path}: {reason_of(error)}")
 
 
 def _fine_time_base(rate: Fraction) -> Fraction:

@@ -41,7 +41,7 @@ def starts(reader: VideoReader, surfaces: Sequence[Surface], end: Moment, stop: 
         for frame in until(stop.watch(reader.frames()), end, zero):
             if all(moment.reached(frame.index, frame.time - zero) for _, moment in named):
                 break
-    times = [time for i, time in enumerate(reader.times) if _is_within(end, i, time - zero)]
+    times = [time for i, time in enumerate(reader.times) if is_within(end, i, time - zero)]
     for name, moment in named:
         if index_of(moment, times) is None:
             raise InputError(f"{name} ({moment}) is beyond the end: {reader.path} has {len(times)} frames up to there")
@@ -74,6 +74,6 @@ def keyframes_of(keyframes: Sequence[Keyframe], quad: Array, start: int, times: 
     return found
 
 
-def _is_within(end: Moment, index: int, elapsed: Fraction) -> bool:
+def is_within(end: Moment, index: int, elapsed: Fraction) -> bool:
     """Whether a frame is not after the end."""
     return (end.frame is None or index <= end.frame) and (end.time is None or elapsed <= end.time)

@@ -243,13 +243,6 @@ def test_the_command_line_counts_before_the_job(run: Run, done: list[Any]) -> No
     assert (others.crf, others.audio) == (25, "none")
 
 
-def test_outputs_have_different_names(run: Run, done: list[Any]) -> None:
-    given = ["in.mp4", "--quad", *QUAD, "-o", "x.png", "--save-map", "./x.png"]
-    code, _, err = run(*given, main=entry.track_main)
-    assert (code, done) == (2, [])
-    assert "two outputs have the same name" in err
-
-
 @pytest.mark.parametrize("quiet", [(), ("--quiet",)])
 def test_warnings_of_a_track_are_told_once(run: Run, done: list[Any], quiet: tuple[str, ...]) -> None:
     track = Track.load("t.json")
@@ -260,7 +253,6 @@ def test_warnings_of_a_track_are_told_once(run: Run, done: list[Any], quiet: tup
     assert (code, err) == (0, "warning: frames 1 to 2: hardly seen\n")
     assert '"warnings": ["frames 1 to 2: hardly seen"]' in out
     assert run(*told, "--strict", main=entry.track_main)[0] == 1
-    assert Track.load("in.track.json").warnings == track.warnings
 
 
 def test_parsers_have_no_defaults() -> None:

@@ -251,7 +251,7 @@ def test_a_truncated_video_is_rendered_as_far_as_it_goes(
         assert sum(1 for _ in reader.frames()) == summary["frames"]
 
 
-def test_a_full_disk_leaves_nothing_behind(
+def test_a_full_disk_leaves_the_track_alone(
     run: Run, clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*args: object, **kwargs: object) -> None:
@@ -264,7 +264,8 @@ def test_a_full_disk_leaves_nothing_behind(
     assert code == 1
     assert "space" in err
     assert err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+    assert [p.name for p in tmp_path.iterdir()] == ["o.track.json"]
+    assert str(tmp_path / "o.track.json") in err
 
 
 def test_ctrl_c_leaves_no_broken_file(
