@@ -41,7 +41,7 @@ def clip(tmp_path: Path) -> Path:
         ("/proc/o.mp4", {}, "cannot write to the folder /proc"),
         ("o.mp4", {"codec": "h999"}, "h999"),
         ("o.webm", {"codec": "libx264"}, "webm|libx264"),
-        ("o.mp4", {"codec": "qtrle"}, "qtrle"),
+        ("o.mp4", {"codec": "qtrle"}, "cannot hold"),
         ("o.mov", {"codec": "prores_ks", "crf": 20}, "crf"),
         ("o.xyz", {}, "must end in one of"),
         ("a" * 252 + ".mp4", {}, "more than 255 bytes"),
