@@ -1,4 +1,8 @@
 from .errors import InputError, RunError, Stopped
+from .export.exporting import ExportOptions, export_track
+from .export.formats import Exporter
+from .export.keys import Keys
+from .importing.loading import load_track
 from .live import LiveSession
 from .options import OutputOptions, TrackingOptions
 from .pipeline import replace, track
@@ -10,8 +14,11 @@ from .tracking.protocol import PlanarTracker
 from .tracks import Track
 
 __all__ = [
+    "ExportOptions",
+    "Exporter",
     "InputError",
     "Keyframe",
+    "Keys",
     "LiveSession",
     "Moment",
     "OutputOptions",
@@ -24,6 +31,8 @@ __all__ = [
     "Surface",
     "Track",
     "TrackingOptions",
+    "export_track",
+    "load_track",
     "parse_quad",
     "replace",
     "track",

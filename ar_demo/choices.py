@@ -12,6 +12,21 @@ KeptStreams = Literal["all", "first"]
 Backend = Literal["auto", "egl", "osmesa", "opencv"]
 Depth = Literal["8", "10", "12", "source"]
 Device = Literal["auto", "cpu", "cuda"]
+LostKeys = Literal["hold", "omit"]
+# Other packages can add to the formats: see `export.formats`.
+Format = Literal[
+    "nuke",
+    "nuke-tracker",
+    "nuke-stabilize",
+    "ae",
+    "ae-power-pin",
+    "ae-script",
+    "fusion",
+    "blender",
+    "csv",
+    "json",
+    "otio",
+]
 
 CHOICES: dict[str, tuple[str, ...]] = {
     "fit": get_args(Fit),
@@ -24,4 +39,6 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "backend": get_args(Backend),
     "depth": get_args(Depth),
     "device": get_args(Device),
+    "lost_keys": get_args(LostKeys),
+    "format": get_args(Format),
 }

@@ -29,6 +29,7 @@ class Source:
         width, height: px, upright. fps: average frames per second.
         frames: as many as the track has.
         fingerprint: see `media.fingerprint`; None in files of older versions, and where there is no file.
+        pixel_aspect: width of a pixel over its height.
     """
 
     path: str
@@ -37,6 +38,7 @@ class Source:
     fps: Fraction
     frames: int
     fingerprint: str | None = None
+    pixel_aspect: Fraction = Fraction(1)
 
 
 @dataclass
@@ -94,6 +96,12 @@ class Track:
         """Reference-frame pixels to those of frame `index`, (3, 3); None where there is no pose."""
         return from_corners(self.quad, self.corners[index]) if self.known[index] else None
 
+    @property
+    def is_steady(self) -> bool:
+        """Whether all frames last equally long, to half a frame."""
+        steps = [float((time - self.times[0]) * self.source.fps) for time in self.times]
+        return all(abs(step - index) < 0.5 for index, step in enumerate(steps))
+
     def save(self, path: Path | str | Claim) -> None:
         """Writes the track file (JSON, version 1), whole or not at all.
 
@@ -101,6 +109,10 @@ class Track:
             InputError: there can be no file of this name.
             RunError: the file cannot be written.
         """
+        write_whole(path, self.as_json().encode())
+
+    def as_json(self) -> str:
+        """What a track file has in it."""
         frames = []
         for i, state in enumerate(self.states):
             homography = self.homography(i)
@@ -125,6 +137,7 @@ class Track:
                 "fps": str(s.fps),
                 "frames": s.frames,
                 "fingerprint": s.fingerprint,
+                "pixel_aspect": str(s.pixel_aspect),
             },
             "reference_frame": self.reference_frame,
             "quad": self.quad.tolist(),
@@ -135,7 +148,7 @@ class Track:
             "warnings": self.warnings,
             "frames": frames,
         }
-        write_whole(path, json.dumps(content).encode())
+        return json.dumps(content)
 
     @classmethod
     def load(cls, path: Path | str) -> "Track":
@@ -188,6 +201,7 @@ def _parse(content: dict[str, Any]) -> Track:
             Fraction(source["fps"]),
             source["frames"],
             source.get("fingerprint"),
+            Fraction(source.get("pixel_aspect", 1)),
         ),
         int(content["reference_frame"]),
         quad,

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tomllib
 from fractions import Fraction
 from itertools import islice
 from pathlib import Path
@@ -45,11 +46,28 @@ def test_replace_a_poster(clip: str, tmp_path: Path) -> None:
 def test_track_once_render_often_and_export(clip: str, tmp_path: Path) -> None:
     printed = run("track_once_render_often", clip, str(tmp_path), *QUAD, AD)
     assert printed.split() == [str(tmp_path / "ad.mp4")]
-    run("export_csv", str(tmp_path / "track.json"), str(tmp_path / "t.csv"))
-    header, *rows = (tmp_path / "t.csv").read_text().splitlines()
-    assert header == "frame,seconds,state,x1,y1,x2,y2,x3,y3,x4,y4"
+    # As installing examples/own_exporter does: its entry point, and its module on the path.
+    metadata = tmp_path / "ar_replace_centre-0.1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: ar-replace-centre\nVersion: 0.1.0\n")
+    project = tomllib.loads((ROOT / "examples" / "own_exporter" / "pyproject.toml").read_text())["project"]
+    (metadata / "entry_points.txt").write_text(
+        "".join(
+            f"[{group}]\n{name} = {value}\n"
+            for group, p in project["entry-points"].items()
+            for name, value in p.items()
+        )
+    )
+    paths = os.pathsep.join([str(ROOT), str(ROOT / "examples" / "own_exporter"), str(tmp_path)])
+    export = "from ar_demo.cli.entry import export_main; export_main()"
+    command = [sys.executable, "-c", export, str(tmp_path / "track.json"), str(tmp_path / "t.centre")]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": paths})
+    assert done.returncode == 0, done.stderr
+    rows = (tmp_path / "t.centre").read_text().splitlines()
     assert len(rows) == FRAMES
-    assert rows[0].startswith("0,0.000000,tracked,476.3000,128.1000,")
+    frame, x, y = map(float, rows[0].split())
+    assert frame == 0
+    assert (x, y) == pytest.approx((619.5, 302.7), abs=2)
 
 
 def test_preview_and_stop(clip: str, tmp_path: Path) -> None:

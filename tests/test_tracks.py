@@ -45,7 +45,14 @@ def test_file_is_version_1_as_designed(track: Track, tmp_path: Path) -> None:
     content = json.loads((tmp_path / "t.json").read_text())
     assert content["version"] == 1
     size = {"width": 320, "height": 240}
-    assert content["source"] == {"path": "street.mp4", **size, "fps": "30000/1001", "frames": 3, "fingerprint": None}
+    assert content["source"] == {
+        "path": "street.mp4",
+        **size,
+        "fps": "30000/1001",
+        "frames": 3,
+        "fingerprint": None,
+        "pixel_aspect": "1",
+    }
     assert content["frames"][2]["corners"] is None
     assert content["frames"][2]["homography"] is None
     homography = np.array(content["frames"][1]["homography"])

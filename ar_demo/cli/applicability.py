@@ -37,6 +37,7 @@ RULES = (
     Rule(("ad", "quad", "track", "keyframe"), "--surface", _has("surface"), "it has an ad and corners of its own"),
     Rule(("region", "exclude"), "--surface", _has("surface"), "each surface has its own: give them in a job file"),
     Rule(("quad", "snap", "start", "end", "region", "exclude"), "--track", _has("track"), "the track has its own"),
+    Rule(("first_frame",), "--job", _has("job"), "give it beside each track in the job file"),
     Rule(("track", "keyframe"), "--live", _has("live"), "frames are seen once, as they come"),
     Rule(("save_track",), "--live", _has("live"), "live tracks are not kept"),
     Rule(("smooth",), "--live", _has("live"), "a 1 euro filter takes its place"),
@@ -59,6 +60,9 @@ def check_applicable(given: Namespace) -> None:
             for name in rule.options:
                 if name in given:
                     raise InputError(f"{flag(name)} and {rule.text} do not go together: {rule.reason}")
+    for name, other in (("first_frame", "track"), ("format", "export"), ("size", "export"), ("lost_keys", "export")):
+        if name in given and other not in given and not (name == "first_frame" and "export" in given):
+            raise InputError(f"{flag(name)} does nothing without {flag(other)}: leave it out")
     if getattr(given, "output", None) == STDOUT and "live" not in given:
         raise InputError("only --live writes to standard output: name a file with -o")
 
@@ -70,5 +74,6 @@ def flag(name: str) -> str:
         "input": "an input",
         "playback": "--loop, --hold-last or --once",
         "location": "--no-location",
+        "lost_keys": "--lost",
     }
     return named.get(name, "--" + name.replace("_", "-"))

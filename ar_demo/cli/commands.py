@@ -8,15 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from ..export.exporting import export_track
+from ..importing.loading import load_track
 from ..live import LiveSession
+from ..media.claims import check_different
 from ..options import OutputOptions, TrackingOptions
 from ..pipeline import default_output, replace, track
 from ..results import Result
+from ..session import claimed_output
 from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
 from ..tracking.corrections import needs_correction
-from ..tracks import Track
 from .applicability import STDOUT, check_applicable, flag
 from .bar import Bar
+from .exports import exports_of
 from .jobs import Job, load_job
 from .reporting import counted, in_words, print_summary, set_up_logging, warn
 from .stdio import standard_output, stopped_by_signals
@@ -29,13 +33,13 @@ def replace_command(given: Namespace) -> int:
     log = set_up_logging("quiet" in given)
     check_applicable(given)
     job = load_job(given.job) if "job" in given else None
-    tracking = TrackingOptions(**(job.tracking_options() if job else {}) | _of(TrackingOptions, given))
-    options = OutputOptions(**(job.output_options() if job else {}) | _of(OutputOptions, given))
-    surfaces = _surfaces(given, job)
-    _check_tracked(given, surfaces)
     input = _either("input", given, job.input if job else None)
     if input is None:
         raise InputError("name the video: ar-replace VIDEO AD --quad ...")
+    tracking = TrackingOptions(**(job.tracking_options() if job else {}) | _of(TrackingOptions, given))
+    options = OutputOptions(**(job.output_options() if job else {}) | _of(OutputOptions, given))
+    surfaces = _surfaces(given, job, input)
+    _check_tracked(given, surfaces)
     output = _either("output", given, job.output if job else None)
     save_track = _either("save_track", given, job.save_track if job else None)
     with Bar("quiet" in given) as bar:
@@ -54,20 +58,26 @@ def track_command(given: Namespace) -> int:
     """ar-track, by what is given on its command line."""
     log = set_up_logging("quiet" in given)
     check_applicable(given)
-    [surface] = _surfaces(given, None)
+    exports, export_options = exports_of(given)
+    [surface] = _surfaces(given, None, given.input)
     _check_tracked(given, [surface])
     output = given.output if "output" in given else given.input.with_name(f"{given.input.stem}.track.json")
     options = OutputOptions(**_of(OutputOptions, given))
     pictures = {name: getattr(given, name) for name in ("save_map", "save_steady") if name in given}
-    with Bar("quiet" in given) as bar:
+    check_different([output, *pictures.values(), *exports])
+    with ExitStack() as held, Bar("quiet" in given) as bar:
+        claims = [held.enter_context(claimed_output(file, options, given.input)) for file in exports]
         tracking = TrackingOptions(**_of(TrackingOptions, given))
         result = track(given.input, surface, tracking, bar, options=options, save_track=output, **pictures)
+        warnings = result.warnings
+        if exports:
+            warnings = [*warnings, *export_track(result, claims, getattr(given, "format", ()), export_options)]
     if "json" in given:
-        summary = {"output": str(output), "frames": len(result), "states": result.counts, "warnings": result.warnings}
+        summary = {"output": str(output), "frames": len(result), "states": result.counts, "warnings": warnings}
         print(json.dumps(summary))
     else:
         print(f"{output}: {counted(len(result), 'frame')} ({in_words(result.counts)})")
-    return warn(result.warnings, log, "strict" in given)
+    return warn(warnings, log, "strict" in given)
 
 
 def _live(
@@ -97,16 +107,16 @@ def _of(kind: type, given: Namespace) -> dict[str, Any]:
         values["region"] = parse_polygon(values["region"])
     if "exclude" in values:
         values["exclude"] = tuple(map(parse_polygon, values["exclude"]))
-    if "track" in values:
-        values["track"] = Track.load(values["track"])
     return values
 
 
-def _surfaces(given: Namespace, job: Job | None) -> list[Surface]:
-    """The surfaces in whichever way they are given: --quad or --track, --surface, --job."""
+def _surfaces(given: Namespace, job: Job | None, input: Path | str) -> list[Surface]:
+    """The surfaces of the input in whichever way they are given: --quad or --track, --surface, --job."""
     values = _of(Surface, given)
+    if "track" in values:
+        values["track"] = load_track(given.track, input, getattr(given, "first_frame", None))
     if job is not None:
-        return job.surfaces_with(values)
+        return job.surfaces_with(values, input)
     if "surface" in given:
         return [
             Surface(**values | {"ad": None if ad == "-" else Path(ad), "quad": parse_quad(corners)})

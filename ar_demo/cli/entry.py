@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from hdn.commandline import Parser, load, run
 
-from .parsers import replace_parser, track_parser
+from .parsers import export_parser, replace_parser, track_parser
 
 LEFT_BEHIND = "nothing was written"
 
@@ -19,6 +19,11 @@ def replace_main(arguments: Sequence[str] | None = None) -> None:
 def track_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-track."""
     _main(track_parser(), "ar_demo.cli.commands:track_command", arguments)
+
+
+def export_main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of ar-export."""
+    _main(export_parser(), "ar_demo.cli.exports:export_command", arguments)
 
 
 def _main(parser: Parser, command: str, arguments: Sequence[str] | None) -> None:

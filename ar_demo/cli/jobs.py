@@ -27,8 +27,8 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 
 from ..choices import AudioMode, Backend, Blend, Depth, Device, Effect, Fit, KeptStreams, Lost, Playback
 from ..errors import InputError
+from ..importing.loading import load_track
 from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
-from ..tracks import Track
 
 SCHEMA = Path(__file__).with_name("job.schema.json")
 
@@ -55,6 +55,7 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     exclude: list[Corners] | UnsetType = UNSET
     keyframes: list[KeyframeEntry] | UnsetType = UNSET
     track: str | UnsetType = UNSET
+    first_frame: int | UnsetType = UNSET  # the number of the video's first frame in another program's track
     fit: Fit | UnsetType = UNSET
     playback: Playback | UnsetType = UNSET
     blend: Blend | UnsetType = UNSET
@@ -64,8 +65,8 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     effect: Effect | UnsetType = UNSET
     flat: bool | UnsetType = UNSET
 
-    def surface(self, folder: Path, common: Mapping[str, Any]) -> Surface:
-        """The surface; `common` has what is not said here.
+    def surface(self, folder: Path, common: Mapping[str, Any], video: Path | str | None = None) -> Surface:
+        """The surface of a video; `common` has what is not said here.
 
         Raises:
             InputError: corners, a frame or a file that cannot be read, or options that do not go together.
@@ -84,8 +85,11 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
         if "keyframes" in given:
             entries: list[KeyframeEntry] = given["keyframes"]
             given["keyframes"] = tuple(Keyframe(Moment.parse(k.frame), parse_quad(k.corners)) for k in entries)
+        first_frame = given.pop("first_frame", None)
         if "track" in given:
-            given["track"] = Track.load(folder / given["track"])
+            given["track"] = load_track(folder / given["track"], video, first_frame)
+        elif first_frame is not None:
+            raise InputError("first_frame does nothing without track: leave it out")
         elif "quad" not in given:
             raise InputError("it has neither quad nor track: give its corners")
         return Surface(**dict(common) | given)
@@ -138,8 +142,8 @@ class Job:
             None if name is UNSET else path.parent / name for name in (entry.input, entry.output, entry.save_track)
         )
 
-    def surfaces_with(self, common: Mapping[str, Any]) -> list[Surface]:
-        """The surfaces; `common` has what they do not say, by the names of `Surface`'s fields.
+    def surfaces_with(self, common: Mapping[str, Any], video: Path | str | None = None) -> list[Surface]:
+        """The surfaces of a video; `common` has what they do not say, by the names of `Surface`'s fields.
 
         Raises:
             InputError: one that is not as described; the message says which.
@@ -147,7 +151,7 @@ class Job:
         found = []
         for number, entry in enumerate(self._entry.surfaces):
             try:
-                found.append(entry.surface(self._path.parent, common))
+                found.append(entry.surface(self._path.parent, common, video))
             except InputError as error:
                 raise InputError(f"{self._path}: {error} - at `$.surfaces[{number}]`") from error
         return found

@@ -12,6 +12,7 @@ from ..choices import CHOICES
 
 CORNER = r"\s*[^\s,]+,[^\s,.]+(\.\d*)?\s*"  # x,y and not a file's name with a comma in it
 CORNERS = re.compile(f"({CORNER})+")
+FIRST_FRAME = "number of the video's first frame in other programs (default: 1 in Nuke and Blender, else 0)"
 STATUSES = "Exit status: 0 done, 1 failed while working, 2 wrong input."
 
 
@@ -109,6 +110,27 @@ def track_parser() -> Parser:
     add("--save-map", type=Path, metavar="PNG", help="also write a picture of the plane, put together from the video")
     add("--save-steady", type=Path, metavar="MP4", help="also write a video in which the surface stands still")
     _add_tracking(parser, "correct this track: track anew only next to keyframes that are new to it")
+    add = parser.add_argument_group("other programs").add_argument
+    add(
+        "--export",
+        type=Path,
+        action="append",
+        metavar="FILE",
+        help="also write the track for another program; may be repeated",
+    )
+    _add_export(add)
+    _add_common(parser)
+    return parser
+
+
+def export_parser() -> Parser:
+    """Of ar-export."""
+    parser = _parser("ar-export", "Write a track for other programs: Nuke, After Effects, Fusion, Blender.", STATUSES)
+    add = parser.add_argument
+    add("track", type=Path, help="the track file")
+    add("files", type=Path, nargs="+", metavar="FILE", help="files to write, each of the format that its ending says")
+    _add_export(add)
+    add("--first-frame", type=int, metavar="N", help=FIRST_FRAME)
     _add_common(parser)
     return parser
 
@@ -140,7 +162,13 @@ def _add_tracking(parser: Parser, use_of_track: str) -> None:
         help="polygon that tracking ignores, in the frame of the quad; may be repeated",
     )
     add("--start", metavar="WHEN", help="frame of the quad: number (120) or time (4.5s, 0:04.5); default 0")
-    add("--track", type=Path, metavar="JSON", help=use_of_track)
+    add(
+        "--track",
+        type=Path,
+        metavar="FILE",
+        help=f"{use_of_track}; also of Nuke (.nk), After Effects (.txt), or a .csv",
+    )
+    add("--first-frame", type=int, metavar="N", help=FIRST_FRAME)
     add(
         "--keyframe",
         action="append",
@@ -151,6 +179,23 @@ def _add_tracking(parser: Parser, use_of_track: str) -> None:
     add("--smooth", type=float, metavar="X", help="0 off, 1 by the track's noise (default), more is stronger")
     add("--device", choices=CHOICES["device"], help="what runs the networks (default: auto)")
     add("--weights", type=Path, help="another weights file (.safetensors)")
+
+
+def _add_export(add: Any) -> None:
+    add(
+        "--format",
+        action="append",
+        metavar="NAME",
+        help=f"format of the files whose ending it has, or of a single file: {', '.join(CHOICES['format'])}, or one "
+        "that another package adds; may be repeated",
+    )
+    add("--size", metavar="WxH", help="of the picture that will be pinned (default: the video's)")
+    add(
+        "--lost",
+        dest="lost_keys",
+        choices=CHOICES["lost_keys"],
+        help="frames that the surface is lost in: hold the corners before (default), or omit",
+    )
 
 
 def _add_common(parser: Parser) -> None:

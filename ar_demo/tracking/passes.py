@@ -171,7 +171,7 @@ class Passes:
         length = self._forward(targets, forward, first, None, prefix + "track")
         info, times = self.reader.info, self.reader.times[:length]
         path, mark = str(self.reader.path), self.reader.fingerprint(length)
-        source = Source(path, info.width, info.height, info.rate, length, mark)
+        source = Source(path, info.width, info.height, info.rate, length, mark, info.pixel_aspect)
         for target in targets:
             target.track = blank(source, target.start, target.quad, list(times), target.keyframes)
         self._back(targets, forward, [backward_runs(target.given) for target in targets], prefix)

@@ -1,0 +1,1 @@
+"""The track for other programs: one file for each format, and a registry that takes others' as well."""
