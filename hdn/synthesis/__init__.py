@@ -5,13 +5,16 @@ blur, noise, occluders and frame borders of its own. Everything is a tensor; not
 """
 
 from .batches import ResidualBatch, SimilarityBatch, residual_batch, similarity_batch, unlabelled_batch
+from .covers import NOTHING, Hiding
 from .looks import Look
 from .mattes import MatteBatch, MattePairs, matte_batch
 from .photos import SIDE, Photos, read_photo, squared
 from .views import Motion, decomposition
 
 __all__ = [
+    "NOTHING",
     "SIDE",
+    "Hiding",
     "Look",
     "MatteBatch",
     "MattePairs",

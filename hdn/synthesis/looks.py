@@ -81,13 +81,14 @@ class Look:
     """What happens to the search crops' look besides light and noise, each in a share of them; templates get less."""
 
     blurred: float = 0.25
+    reach: int = 15  # px of the longest motion blur, odd
     coarse: float = 0.2
     darkened: float = 0.1
     compressed: float = 0.0
 
     def search(self, crops: Tensor) -> Tensor:
         """Search crops (B, 3, n, n), 0..1, as a camera shows them."""
-        crops = relight(coarsen(blur(crops, self.blurred, 15), self.coarse), 1.0, self.darkened)
+        crops = relight(coarsen(blur(crops, self.blurred, self.reach), self.coarse), 1.0, self.darkened)
         return code(crops, self.compressed)
 
     def template(self, crops: Tensor) -> Tensor:

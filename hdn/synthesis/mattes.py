@@ -7,14 +7,15 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from ..networks.geometry import dlt, project
-from .lighting import shine, soft
+from .drawings import paper, with_shapes
+from .lighting import shine
 from .looks import blur, coarsen, code, relight
+from .occluders import edges, laid_over
 from .photos import Photos, pixel_grid, random_photos
-from .shapes import Outlines, smooth_noise
-from .views import placed, random_view, rectified, uniform
+from .shapes import Outlines
+from .views import rectified, uniform
 
 CANVAS, SCALE = 192, 1.25  # px of the square that a surface is drawn on; of them for a pixel of the crop
-SKIN = ((0.95, 0.80, 0.71), (0.76, 0.53, 0.42), (0.26, 0.16, 0.12))  # RGB, from light to dark
 
 
 @dataclass(frozen=True)
@@ -31,20 +32,6 @@ class MattePairs:
     light: float = 1.0  # strength of the light that varies over the surface
     far: float = 0.2  # off by 1.2 to 4 px of the crop; the others by 0 to 1.2
     cut: float = 0.2  # partly beyond the frame's border, or not known in the template
-
-
-@dataclass(frozen=True)
-class LookShares:
-    """What occluders look like, as shares of them."""
-
-    skin: float = 0.28
-    flat: float = 0.2
-    striped: float = 0.07
-    photograph: float = 0.2
-    alike: float = 0.25  # of one colour, much like the mean of the surface beneath
-
-
-LOOKS = LookShares()
 
 
 @dataclass
@@ -91,22 +78,11 @@ def surfaces(photos: Photos, shapes: Outlines, batch: int) -> Tensor:
     rows = (torch.rand(batch, device=device) < 0.4).nonzero()[:, 0]
     if len(rows):
         drawn = canvas[rows]
-        paper = colours(len(rows), device) + 0.02 * smooth_noise(len(rows), 3, 12, CANVAS, device)
-        drawn = torch.where(torch.rand(len(rows), 1, 1, 1, device=device) < 0.6, paper, drawn)
-        for _ in range(int(torch.randint(1, 6, ()))):
-            there = (torch.rand(len(rows), 1, 1, 1, device=device) < 0.7).float()
-            mask = soft(shapes.take(len(rows), CANVAS), uniform((len(rows), 1, 1, 1), 1, 2, device))
-            drawn = torch.lerp(drawn, colours(len(rows), device), mask * there)
+        blank = paper(len(rows), CANVAS, device)
+        drawn = torch.where(torch.rand(len(rows), 1, 1, 1, device=device) < 0.6, blank, drawn)
+        drawn = with_shapes(shapes, drawn, int(torch.randint(1, 6, ())))
         canvas[rows] = drawn
     return canvas.clamp(0, 1)
-
-
-def colours(batch: int, device: torch.device) -> Tensor:
-    """Colours (B, 3, 1, 1), 0..1, a third of them near white, near black or near grey."""
-    any_colour = uniform((batch, 3, 1, 1), 0, 1, device)
-    level = torch.tensor([0.97, 0.03, 0.5], device=device)[torch.randint(3, (batch,), device=device)]
-    plain = level[:, None, None, None] + uniform((batch, 3, 1, 1), -0.06, 0.06, device)
-    return torch.where(torch.rand(batch, 1, 1, 1, device=device) < 0.35, plain, any_colour).clamp(0, 1)
 
 
 def motion(batch: int, size: int, off: Tensor) -> Tensor:
@@ -137,50 +113,10 @@ def occlude(
     distance = shapes.take(b, size)
     all_over = torch.rand(b, 1, 1, 1, device=device) < covered
     distance = torch.where(all_over, -float(size), distance)
-    width = torch.where(torch.rand(b, 1, 1, 1, device=device) < 0.7, 1.0, uniform((b, 1, 1, 1), 1.5, 8, device))
+    edge = edges(b, device)
     there = all_over | (torch.rand(b, 1, 1, 1, device=device) < share)
-    alpha = soft(distance, width) * there
-
-    # The shadow that it casts beside itself does not hide the surface.
-    across, down = (int(v) for v in torch.randint(-8, 9, (2,)))
-    aside = F.pad(distance, [8] * 4, mode="replicate")[:, :, 8 + down :, 8 + across :][:, :, :size, :size]
-    shadow = soft(aside, uniform((b, 1, 1, 1), 3, 30, device)) * there
-    crops = crops * (1 - uniform((b, 1, 1, 1), -0.3, 0.6, device).clamp_min(0) * shadow)
-
-    look = torch.cat([appearance(photos, crops, alpha, distance) * alpha, alpha], 1)
-    look = blur(look, 0.2, 15)  # it moves, the surface does not
-    colour, alpha = look[:, :3], look[:, 3:]
-    return crops * (1 - alpha) + colour, 1 - (1 - hidden) * (1 - alpha)
-
-
-def appearance(photos: Photos, crops: Tensor, alpha: Tensor, distance: Tensor) -> Tensor:
-    """What occluders look like, (B, 3, n, n), 0..1: skin, flat, striped, of photographs, or much like the surface."""
-    device, (b, _, size, _) = crops.device, crops.shape
-    tones = torch.tensor(SKIN, device=device)
-    tone = uniform(b, 0, 1.999, device)
-    lower = tone.long()
-    skin = torch.lerp(tones[lower], tones[lower + 1], (tone - lower)[:, None])[..., None, None]
-    skin = skin * (1 + 0.12 * torch.randn(b, 3, 1, 1, device=device))
-    skin = skin * (1 + 0.08 * smooth_noise(b, 1, 9, size, device))
-
-    flat = colours(b, device).expand(-1, 3, size, size)
-    grid = pixel_grid(size, device)
-    angle = uniform((b, 1), 0, 3.1416, device)
-    wave = (grid[:, 0] * angle.cos() + grid[:, 1] * angle.sin()) * uniform((b, 1), 0.1, 1.2, device)
-    striped = torch.lerp(flat, colours(b, device), (wave.sin() * 3 + 0.5).clamp(0, 1).reshape(b, 1, size, size))
-    photo = photos.sample(random_photos(photos, b), placed(random_view(b, device, 0.4, 1.8)), size)
-    beneath = (crops * alpha).sum((2, 3), keepdim=True) / alpha.sum((2, 3), keepdim=True).clamp_min(1)
-    sign = torch.where(torch.rand(b, 3, 1, 1, device=device) < 0.5, 1.0, -1.0)
-    alike = (beneath + sign * uniform((b, 3, 1, 1), 0.03, 0.2, device)).expand(-1, 3, size, size)
-
-    kinds = torch.stack([skin, flat, striped, photo, alike], 1)
-    chance = torch.tensor([LOOKS.skin, LOOKS.flat, LOOKS.striped, LOOKS.photograph, LOOKS.alike], device=device)
-    look = kinds[torch.arange(b, device=device), torch.multinomial(chance, b, replacement=True)]
-    # Round things darken towards their outline; light falls from one side.
-    depth = (-distance / uniform((b, 1, 1, 1), 3, 25, device)).clamp(0, 1)
-    look = look * (1 - uniform((b, 1, 1, 1), -0.3, 0.6, device).clamp_min(0) * (1 - depth))
-    gain = (0.25 * smooth_noise(b, 1, 3, size, device) + uniform((b, 1, 1, 1), -0.5, 0.3, device)).exp()
-    return (look * torch.where(torch.rand(b, 1, 1, 1, device=device) < 0.7, gain, 1.0)).clamp(0, 1.2)
+    crops, hides = laid_over(photos, crops, distance, edge, there)
+    return crops, 1 - (1 - hidden) * (1 - hides)
 
 
 def known(shapes: Outlines, batch: int, size: int, share: float, device: torch.device) -> Tensor:

@@ -56,7 +56,10 @@ class Outlines:
 
 
 def hands(batch: int, points: Tensor) -> Tensor:
-    """Distances (B, N) to arms that reach in from the border, each with up to five fingers of two joints."""
+    """Distances (B, N) to arms that reach in from the border, each with up to five fingers of two joints.
+
+    Args: points: (N, 2), or (B, N, 2) for each arm its own.
+    """
     device = points.device
     angle = uniform((batch, 1), 0, 2 * math.pi, device)  # the way that the arm points
     finger = uniform((batch, 1), 0.06, 0.19, device)  # radius
@@ -86,8 +89,8 @@ def hands(batch: int, points: Tensor) -> Tensor:
     way = ends - starts
     along = points @ way.transpose(1, 2) - (starts * way).sum(2)[:, None]  # (B, N, S)
     along = (along / way.square().sum(2).clamp_min(1e-6)[:, None]).clamp(0, 1)
-    x = points[:, :1] - starts[:, None, :, 0] - along * way[:, None, :, 0]
-    y = points[:, 1:] - starts[:, None, :, 1] - along * way[:, None, :, 1]
+    x = points[..., :1] - starts[:, None, :, 0] - along * way[:, None, :, 0]
+    y = points[..., 1:] - starts[:, None, :, 1] - along * way[:, None, :, 1]
     return ((x.square() + y.square()).sqrt() - radius[:, None]).amin(2)
 
 

@@ -25,7 +25,7 @@ from .matte import MatteObjective
 from .objectives import Objective, PolarObjective, ResidualObjective, TranslationObjective
 from .recipes import Recipe, recipe_of
 from .replay import Replay
-from .validation import Figures, validate
+from .validation import WHILE_TRAINING, Figures, validate
 
 COMPONENTS = ("translation", "polar", "residual")  # of HDN; the matte network is trained alike
 STEPS_PER_REPORT = 50  # a line of progress
@@ -156,7 +156,7 @@ def train(
     plots = True
 
     def validation(step: int) -> dict[str, Figures]:
-        figures = validate(objective, data.held_out, validation_pairs)
+        figures = validate(objective, data.held_out, validation_pairs, WHILE_TRAINING)
         validations.append({"step": step} | {f"{k} {n}": v for k, part in figures.items() for n, v in part.items()})
         for name, part in figures.items():
             print(f"step {step}  {name}: " + ", ".join(f"{n} {v:.4g}" for n, v in part.items()), flush=True)
@@ -187,7 +187,7 @@ def train(
     since, clock = done, time.perf_counter()
     samples = Replay(lambda: objective.sample(data.photos, data.clips, batch), objective.uses)
     for step in range(done + 1, steps + 1):
-        rate = recipe.rate(step - 1, steps)
+        rate = recipe.rate(step - 1, steps) * (recipe.start_rate if begun_with else 1)
         for group in optimizer.param_groups:
             group["lr"] = rate
         parts = objective.losses(samples.next())  # type: ignore[arg-type]

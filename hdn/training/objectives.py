@@ -87,8 +87,9 @@ class BranchObjective(ABC):
             config.search_size,
             config.context,
             recipe.negatives,
-            recipe.similarity_occluded,
-            look=recipe.look,
+            recipe.similarity_hiding,
+            look=recipe.similarity_look,
+            plain=recipe.plain,
         )
         return self.encode(pairs, recipe.centre_jitter)
 
@@ -206,8 +207,9 @@ class ResidualObjective:
             size,
             recipe.reach,
             recipe.negatives,
-            recipe.residual_occluded,
-            look=recipe.look,
+            recipe.residual_hiding,
+            look=recipe.residual_look,
+            plain=recipe.plain,
         )
         if clips is None or not unlabelled:
             return samples
@@ -252,7 +254,9 @@ class ResidualObjective:
         place = project(dlt(batch.offsets, outline(size, batch.offsets)), source)  # (B, M, 2) px from the crop's centre
         within = (place.abs() < size / 2 - 2).all(2)
         clear = F.grid_sample(batch.clear, place[:, None] * (2 / size), align_corners=False)[:, 0, 0]
-        visible = clear * within * (batch.positive & batch.labelled)[:, None]
+        points = source.expand(len(clear), 1, -1, -1) * (2 / size)
+        known = F.grid_sample(batch.known, points, align_corners=False)[:, 0, 0]
+        visible = clear * known * within * (batch.positive & batch.labelled)[:, None]
         seen = visible > 0.5
         n = round(len(cells) ** 0.5)
         found = losses.matching_loss(matches.probability, (place - cells[0]) / DESCRIPTOR_STRIDE, seen, n)

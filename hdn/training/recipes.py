@@ -1,13 +1,15 @@
 """All that a training is made of besides its data: samples, losses and schedule, one recipe for each configuration."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from ..networks.config import COMPACT, PAPER, Config
-from ..synthesis import Look
+from ..synthesis import Hiding, Look
 
 COMPRESSED_LOOK = Look(compressed=0.15)
+SOME_HIDDEN = Hiding(quads=0.3, border=0.1)
+MORE_HIDDEN = Hiding(quads=0.4, border=0.1)
 ALL_NEGATIVES = 1_000_000  # more cells than any map has
 
 
@@ -20,13 +22,16 @@ class Recipe:
     batch: int = 32
     decay: Literal["cosine", "exponential"] = "cosine"
     weight_decay: float = 1e-4  # of AdamW
+    start_rate: float = 0.25  # factor on the learning rates of a training that begins with trained weights
 
     # Samples
-    look: Look = COMPRESSED_LOOK
+    similarity_look: Look = COMPRESSED_LOOK
+    residual_look: Look = COMPRESSED_LOOK
     negatives: float = 0.2  # share of pairs that show two different objects
     uses: int = 3  # of each pair of both branches, whose backbone maps are dearer than the rest of a step
-    similarity_occluded: float = 0.3
-    residual_occluded: float = 0.4
+    similarity_hiding: Hiding = SOME_HIDDEN
+    residual_hiding: Hiding = MORE_HIDDEN
+    plain: float = 0.0  # share of pairs that show a drawn screen of little texture
     reach: float = 16.0  # px that corners are off in the residual component's pairs
     clips: float = 0.25  # share of the residual component's batch that is cut from clips, where there are any
     gap: int = 5  # frames between the two of such a pair, at most
@@ -60,7 +65,13 @@ class Recipe:
 
 
 RECIPES = {
-    COMPACT.name: Recipe(),
+    COMPACT.name: Recipe(
+        similarity_look=replace(COMPRESSED_LOOK, blurred=0.3, reach=31),
+        residual_look=replace(COMPRESSED_LOOK, blurred=0.35, reach=61),
+        similarity_hiding=Hiding(quads=0.12, bars=0.1, slivers=0.03, hands=0.1, border=0.1, template=0.05),
+        residual_hiding=Hiding(quads=0.15, bars=0.15, slivers=0.08, hands=0.12, border=0.12, template=0.08),
+        plain=0.1,
+    ),
     PAPER.name: Recipe(
         steps=30_000,
         batch=128,

@@ -1,8 +1,9 @@
-"""Figures of a component on held-out photographs: errors at the paper's ranges without occluders, and how well pairs
-of two different objects are told from true ones. Always the same pairs for the same number of them."""
+"""Figures of a component on held-out photographs: errors at the paper's ranges, and how well pairs of two different
+objects are told from true ones. Always the same pairs for the same number of them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -11,9 +12,10 @@ from torch import Tensor, nn
 from ..benchmark.metrics import roc_area
 from ..networks.geometry import dlt, project
 from ..proposal import MODEL as PROPOSAL
-from ..synthesis import Look, Photos, residual_batch, similarity_batch
+from ..synthesis import NOTHING, Hiding, Look, Photos, residual_batch, similarity_batch
 from . import losses
-from .matte import KINDS, MatteObjective, matte_figures
+from .matte import KINDS as MATTE_KINDS
+from .matte import MatteObjective, matte_figures
 from .objectives import (
     BranchBatch,
     BranchObjective,
@@ -25,36 +27,58 @@ from .objectives import (
     outline,
 )
 
-# Clean pairs differ in light and noise alone; of the hard ones, half each are blurred, dark, of low resolution.
-LOOKS = {
-    "clean": Look(blurred=0, coarse=0, darkened=0),
-    "hard": Look(blurred=0.5, coarse=0.5, darkened=0.5),
-}
 VALIDATION_BATCH = 32
 VALIDATION_SEED = 1
 
 Figures = dict[str, float]
 
 
-def validate(objective: Objective, photos: Photos, pairs: int) -> dict[str, Figures]:
-    """Figures by name, of clean and of hard pairs, or of each kind that the matte network is validated on; so many
-    pairs of each."""
+@dataclass(frozen=True)
+class Kind:
+    """What pairs are validated on."""
 
+    look: Look
+    hiding: Hiding = NOTHING
+    plain: float = 0.0
+
+
+CLEAR = Look(blurred=0, coarse=0, darkened=0)
+# Clean pairs differ in light and noise alone; of the hard ones, half each are blurred, dark, of low resolution.
+# The other kinds differ from the clean ones by what their names say alone.
+KINDS = {
+    "clean": Kind(CLEAR),
+    "hard": Kind(Look(blurred=0.5, coarse=0.5, darkened=0.5)),
+    "bar": Kind(CLEAR, Hiding(bars=1)),
+    "sliver": Kind(CLEAR, Hiding(slivers=1)),
+    "hand": Kind(CLEAR, Hiding(hands=1)),
+    "long blur": Kind(replace(CLEAR, blurred=1, reach=61)),
+    "screen": Kind(CLEAR, plain=1),
+    "cut": Kind(CLEAR, Hiding(border=1)),
+    "template": Kind(CLEAR, Hiding(template=1)),
+}
+WHILE_TRAINING = ("clean", "hard")
+
+
+def validate(
+    objective: Objective, photos: Photos, pairs: int, kinds: Iterable[str] | None = None
+) -> dict[str, Figures]:
+    """Figures by name, of so many pairs of each kind; None takes all of KINDS, or of the matte network its own."""
     if isinstance(objective, MatteObjective):
         with _evaluating(objective.taught):
             return {
-                name: matte_figures(objective.network, photos, _batches(pairs), kind) for name, kind in KINDS.items()
+                name: matte_figures(objective.network, photos, _batches(pairs), kind)
+                for name, kind in MATTE_KINDS.items()
             }
 
-    def figures(look: Look) -> Figures:
+    def figures(kind: Kind) -> Figures:
         if isinstance(objective, TranslationObjective):
-            return translation_figures(objective, photos, pairs, look)
+            return translation_figures(objective, photos, pairs, kind)
         if isinstance(objective, PolarObjective):
-            return polar_figures(objective, photos, pairs, look)
-        return residual_figures(objective, photos, pairs, look)
+            return polar_figures(objective, photos, pairs, kind)
+        return residual_figures(objective, photos, pairs, kind)
 
     with _evaluating(objective.taught):
-        return {name: figures(look) for name, look in LOOKS.items()}
+        return {name: figures(KINDS[name]) for name in (KINDS if kinds is None else kinds)}
 
 
 @contextmanager
@@ -69,10 +93,10 @@ def _evaluating(taught: nn.Module) -> Iterator[None]:
         taught.train(training)
 
 
-def translation_figures(objective: TranslationObjective, photos: Photos, pairs: int, look: Look) -> Figures:
+def translation_figures(objective: TranslationObjective, photos: Photos, pairs: int, kind: Kind) -> Figures:
     """Errors of the translation in px of the search crop, and the area under the ROC of its score."""
     columns: list[tuple[Tensor, ...]] = []
-    for batch in _branch_batches(objective, photos, pairs, look):
+    for batch in _branch_batches(objective, photos, pairs, kind):
         shift, score = decode(*objective.outputs(batch), objective.config.stride)
         columns.append(((shift - batch.motion.shift).norm(dim=1), score, batch.positive))
     error, score, positive = _joined(columns)
@@ -82,11 +106,11 @@ def translation_figures(objective: TranslationObjective, photos: Photos, pairs: 
     }
 
 
-def polar_figures(objective: PolarObjective, photos: Photos, pairs: int, look: Look) -> Figures:
+def polar_figures(objective: PolarObjective, photos: Photos, pairs: int, kind: Kind) -> Figures:
     """Errors of log-scale and rotation about the true centre, and the area under the ROC of the branch's score."""
     config = objective.config
     columns: list[tuple[Tensor, ...]] = []
-    for batch in _branch_batches(objective, photos, pairs, look):
+    for batch in _branch_batches(objective, photos, pairs, kind):
         shift, score = decode(*objective.outputs(batch), config.stride)
         columns.append((*(shift - objective.truth(batch)).abs().unbind(1), score, batch.positive))
     log_scale, rotation, score, positive = _joined(columns)
@@ -97,7 +121,7 @@ def polar_figures(objective: PolarObjective, photos: Photos, pairs: int, look: L
     }
 
 
-def residual_figures(objective: ResidualObjective, photos: Photos, pairs: int, look: Look) -> Figures:
+def residual_figures(objective: ResidualObjective, photos: Photos, pairs: int, kind: Kind) -> Figures:
     """Mean corner errors for offsets up to 12 px, those that negatives are given, and the AUC of what is seen.
 
     "corners" are those after a second look where the tracker would take one (`Proposer`), "first look" those before.
@@ -105,7 +129,7 @@ def residual_figures(objective: ResidualObjective, photos: Photos, pairs: int, l
     network: Any = objective.network
     columns: list[tuple[Tensor, ...]] = []
     for size in _batches(pairs):
-        batch = residual_batch(photos, size, network.size, reach=12, occluded=0, gentle=0, look=look)
+        batch = residual_batch(photos, size, network.size, reach=12, **_as_drawn(kind))
         template = network.describe(batch.template)
         offsets, visible = network.conclude(*network.compare(template, batch.search))
         corners = outline(network.size, offsets)
@@ -149,13 +173,18 @@ def table(columns: dict[str, Figures]) -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
-def _branch_batches(objective: BranchObjective, photos: Photos, pairs: int, look: Look) -> Iterator[BranchBatch]:
+def _branch_batches(objective: BranchObjective, photos: Photos, pairs: int, kind: Kind) -> Iterator[BranchBatch]:
     """The pairs of both branches, the same ones for either."""
     config = objective.config
     sizes = config.template_size, config.search_size
     for size in _batches(pairs):
-        batch = similarity_batch(photos, size, *sizes, config.context, occluded=0, gentle=0, look=look)
+        batch = similarity_batch(photos, size, *sizes, config.context, **_as_drawn(kind))
         yield objective.encode(batch, jitter=0)
+
+
+def _as_drawn(kind: Kind) -> dict[str, Any]:
+    """What both kinds of batches take."""
+    return {"hiding": kind.hiding, "look": kind.look, "plain": kind.plain, "gentle": 0}
 
 
 def _batches(pairs: int) -> Iterator[int]:

@@ -16,11 +16,12 @@ from hdn.networks import pytorch, weights
 from hdn.networks.config import COMPACT, PAPER, Config
 from hdn.networks.residual import ResidualNetwork
 from hdn.networks.similarity import SimilarityNetwork
-from hdn.training import ablation, curves, objectives
+from hdn.synthesis import residual_batch
+from hdn.training import ablation, curves, objectives, validation
 from hdn.training.cli import main
 from hdn.training.initial import adapted, load_backbone
 from hdn.training.loop import COMPONENTS, Data, train
-from hdn.training.objectives import BranchObjective, PolarObjective, ResidualObjective, TranslationObjective
+from hdn.training.objectives import BranchObjective, Objective, PolarObjective, ResidualObjective, TranslationObjective
 from hdn.training.packing import pack
 from hdn.training.recipes import RECIPES
 from hdn.training.validation import Figures, percentiles
@@ -156,6 +157,8 @@ def test_begins_with_given_weights_and_keeps_their_name(
     given = pytorch.load(shipped).similarity.state_dict()
     moved = {name: value for name, value in first["network"].items() if not torch.equal(value, given[name])}
     assert all(name.startswith("polar.") for name in moved)
+    with open(tmp_path / "polar.csv", newline="") as file:
+        assert float(next(csv.DictReader(file))["rate"]) == pytest.approx(2e-3 / 200 / 4)
     # One step at the schedule's first rate, a hundredth of the highest, goes no farther.
     assert all((value - given[name]).abs().max() < 1e-3 for name, value in moved.items() if name.endswith("weight"))
 
@@ -295,17 +298,57 @@ def test_validate_prints_the_same_table_each_time(
     images: Path, shipped: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(weights, "shipped", lambda: shipped)
+    monkeypatch.setattr(validation, "KINDS", {name: validation.KINDS[name] for name in ("clean", "bar", "screen")})
     tables = []
     for _ in range(2):
         with pytest.raises(SystemExit) as status:
-            main(["validate", "--weights", "shipped", "--images", str(images), "--pairs", "4"])
+            main(["validate", "--weights", "shipped", "--images", str(images), "--pairs", "2"])
         assert status.value.code == 0
         tables.append(capsys.readouterr().out)
     assert tables[0] == tables[1]
     assert "2 images, of held-out sources" in tables[0]
-    for name in ("clean | hard", "translation px median", "rotation rad p90", "| score AUC", "log-polar score AUC",
-                 "corners px p90", "visible AUC"):  # fmt: skip
+    for name in ("| clean | bar | screen |", "translation px median", "rotation rad p90", "| score AUC",
+                 "log-polar score AUC", "corners px p90", "visible AUC"):  # fmt: skip
         assert name in tables[0]
+
+
+@pytest.mark.parametrize("component", ["residual", "translation"])
+@pytest.mark.parametrize("kind", validation.KINDS)
+def test_a_kind_is_drawn_as_it_says(component: str, kind: str, data: Data, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pairs of a kind are what is drawn for either component, and nothing else is."""
+    asked: list[dict[str, object]] = []
+
+    class Drawn(Exception):
+        pass
+
+    def draw(*_: object, **options: object) -> None:
+        asked.append(options)
+        raise Drawn
+
+    name = "residual_batch" if component == "residual" else "similarity_batch"
+    monkeypatch.setattr(validation, name, draw)
+    monkeypatch.setattr(objectives, "frozen_features", lambda network, _: network.backbone)
+    if component == "residual":
+        objective: Objective = ResidualObjective(ResidualNetwork(COMPACT), RECIPES["compact"], CPU)
+    else:
+        objective = TranslationObjective(SimilarityNetwork(COMPACT), RECIPES["compact"], CPU)
+    with pytest.raises(Drawn):
+        validation.validate(objective, data.held_out, 4, [kind])
+    wanted = validation.KINDS[kind]
+    drawn = {key: asked[0][key] for key in ("hiding", "look", "plain", "gentle")}
+    assert drawn == {"hiding": wanted.hiding, "look": wanted.look, "plain": wanted.plain, "gentle": 0}
+
+
+def test_what_the_template_hides_is_not_taught_as_seen(data: Data) -> None:
+    torch.manual_seed(0)
+    objective = ResidualObjective(ResidualNetwork(COMPACT), RECIPES["compact"], CPU)
+    batch = residual_batch(data.held_out, 4, COMPACT.residual_size, reach=4, negatives=0)
+    matches = objective.network.match(*objective.network.describe(torch.cat([batch.template, batch.search])).chunk(2))
+    batch.known[:, :, :, :64] = 0
+    _, visible = objective._match_parts(matches, batch, COMPACT.residual_size)
+    seen = visible.unflatten(1, (16, 16))
+    assert (seen[:, :, :8] == 0).all()
+    assert (seen[:, 4:-4, 8:12] > 0.99).all()
 
 
 @pytest.mark.parametrize(
