@@ -10,7 +10,7 @@ Effect = Literal["replace", "mosaic", "blur", "outline"]
 AudioMode = Literal["source", "ad", "mix", "none"]
 KeptStreams = Literal["all", "first"]
 Backend = Literal["auto", "egl", "osmesa", "opencv"]
-Depth = Literal["8", "10", "12", "source"]
+Depth = Literal["auto", "8", "10", "12", "source"]
 Device = Literal["auto", "cpu", "cuda"]
 LostKeys = Literal["hold", "omit"]
 # Other packages can add to the formats: see `export.formats`.

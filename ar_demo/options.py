@@ -43,7 +43,8 @@ class OutputOptions:
         backend: what draws.
         codec: of `media.codecs`, or an encoder by FFmpeg's name; None takes the container's usual.
         crf: quality of the encoder, lower is better; None takes the codec's usual.
-        depth: bits a sample: 8, 10, 12, or as many as the source has, and its chroma, where the codec takes that.
+        depth: bits a sample: 8, 10, 12; as many as the source has, and its chroma ("source"); or the same as far as the
+            codec has them, and 4:2:0 in 8 bits ("auto").
         overwrite: whether an existing output may be replaced.
 
     Raises:
@@ -56,7 +57,7 @@ class OutputOptions:
     backend: Backend = "auto"
     codec: str | None = None
     crf: float | None = None
-    depth: Depth = "8"
+    depth: Depth = "auto"
     overwrite: bool = False
 
     def __post_init__(self) -> None:

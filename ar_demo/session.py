@@ -13,7 +13,7 @@ from .compositing.compositor import open_compositor
 from .errors import InputError
 from .media.claims import Claim, check_name, claimed
 from .media.codecs import holds_sound
-from .media.planes import plain
+from .media.form import Form, form_of
 from .media.reader import IndexDropped, VideoReader
 from .media.streams import Streams
 from .media.threads import ahead, behind
@@ -110,7 +110,8 @@ class Session(AbstractContextManager["Session"]):
             check_ad(surface)
         if options.backend != "auto":
             open_compositor(options.backend).close()
-        self._writer(output, options, self._streams(surfaces, output, options, Moment())).discard()
+        streams, form = self._streams(surfaces, output, options, Moment()), self._form(output, options)
+        self._writer(output, options, streams, form).discard()
 
     def render(
         self,
@@ -144,11 +145,11 @@ class Session(AbstractContextManager["Session"]):
         self, surfaces: Sequence[Surface], tracks: Sequence[Track], output: Claim, options: OutputOptions, end: Moment
     ) -> Result:
         started, info = time.perf_counter(), self.reader.info
-        streams = self._streams(surfaces, output, options, end)
+        streams, form = self._streams(surfaces, output, options, end), self._form(output, options)
         with (
-            VideoReader(self.reader.path, depth=16 if self._depth(options) > 8 else 8) as reader,
+            VideoReader(self.reader.path, depth=16 if form.depth > 8 else 8) as reader,
             Renderer(self.reader, surfaces, options.backend) as renderer,
-            self._writer(output, options, streams) as writer,
+            self._writer(output, options, streams, form) as writer,
             ahead(until(reader.frames(), end, self.reader.times[0])) as frames,
             behind(writer.write) as write,
         ):
@@ -189,27 +190,24 @@ class Session(AbstractContextManager["Session"]):
             next((time for i, time in enumerate(times) if not is_within(end, i, time - times[0])), None),
         )
 
-    def _depth(self, options: OutputOptions) -> int:
-        """Bits per sample of the output."""
-        return self.reader.info.depth if options.depth == "source" else int(options.depth)
+    def _form(self, output: Claim, options: OutputOptions) -> Form:
+        return form_of(output.path, self.reader.info, options.depth, options.codec)
 
-    def _writer(self, output: Claim, options: OutputOptions, streams: Streams) -> VideoWriter:
+    def _writer(self, output: Claim, options: OutputOptions, streams: Streams, form: Form) -> VideoWriter:
         info = self.reader.info
-        # Players often know 4:2:0 alone, where there are 8 bits.
-        keeps_chroma = options.depth == "source" or plain(info.pixel_format) == "yuv420p"
         return VideoWriter(
             output,
             info.width,
             info.height,
             info.rate,
-            codec=options.codec,
+            codec=form.codec,
             crf=options.crf,
             streams=streams,
             time_base=info.time_base,
             pixel_aspect=info.pixel_aspect,
-            depth=self._depth(options),
-            pixel_format=info.pixel_format if keeps_chroma else None,
-            colour=info.colour,
+            depth=form.depth,
+            pixel_format=form.pixel_format,
+            colour=form.colour,
         )
 
     def steady(self, track: Track, output: Path | str | Claim, options: OutputOptions | None = None) -> None:

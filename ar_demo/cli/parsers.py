@@ -95,7 +95,8 @@ def replace_parser() -> Parser:
     add(
         "--depth",
         choices=CHOICES["depth"],
-        help="bits a sample: 8 (default), 10, 12, or as many as the source has, with its chroma",
+        help="bits a sample: 8, 10, 12; source: as many as it has, and its chroma; auto (default): as many, as "
+        "far as the codec has them",
     )
     _add_common(parser)
     return parser

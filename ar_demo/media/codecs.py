@@ -23,7 +23,7 @@ class Container:
 
     Attributes:
         muxer: FFmpeg's name.
-        codec: the usual one in it, by its name in the table.
+        codec: the usual one in it, by its name in the table; deep: the usual one for more than 8 bits.
         sound: whether it holds sound.
         tick: seconds in which it tells times, where it leaves no choice.
         least_ticks: that a frame lasts; one that comes sooner is left out.
@@ -32,6 +32,7 @@ class Container:
 
     muxer: str
     codec: str = "h264"
+    deep: str = "h265"  # of which players know 10 bits, unlike of H.264
     sound: bool = True
     tick: Fraction | None = None
     least_ticks: int = 0
@@ -45,10 +46,12 @@ CONTAINERS = {
     ".m4v": Container("mp4", options=_FAST_START),
     ".mov": Container("mov", options=_FAST_START),
     ".mkv": Container("matroska"),
-    ".webm": Container("webm", "vp9"),
+    ".webm": Container("webm", "vp9", "av1"),
     # Players show a GIF's frame of 10 ms for 100 ms.
-    ".gif": Container("gif", "gif", sound=False, tick=Fraction(1, 100), least_ticks=2),
-    ".webp": Container("webp", "webp", sound=False, tick=Fraction(1, 1000), least_ticks=1, options={"loop": "0"}),
+    ".gif": Container("gif", "gif", "gif", sound=False, tick=Fraction(1, 100), least_ticks=2),
+    ".webp": Container(
+        "webp", "webp", "webp", sound=False, tick=Fraction(1, 1000), least_ticks=1, options={"loop": "0"}
+    ),
 }
 
 
@@ -169,20 +172,21 @@ def holds_sound(path: Path) -> bool:
     return container is not None and container.sound
 
 
-def choose(path: Path, name: str | None, alpha: bool = False) -> Codec:
+def choose(path: Path, name: str | None, alpha: bool = False, depth: int = 8) -> Codec:
     """The codec that a video file is written with.
 
     Args:
         path: with a container's ending.
         name: of the codec in the table, or of FFmpeg's encoder; None takes the container's usual.
         alpha: whether it has to hold transparency.
+        depth: bits per sample, by which the usual codec is chosen.
 
     Raises:
         InputError: an unknown container or codec, or a codec that the container cannot hold.
     """
     check_video_name(path)
     suffix = path.suffix.lower()
-    codec = _usual(suffix, alpha) if name is None else _named(name)
+    codec = _usual(suffix, alpha, depth) if name is None else _named(name)
     if alpha and not codec.transparent:
         raise InputError(f"{codec.title} holds no transparency: use {any_of(_transparent(suffix))} in {suffix}")
     if suffix not in codec.holders(alpha):
@@ -226,6 +230,12 @@ def pixel_format(
     return chosen
 
 
+def most_bits(codec: Codec, wanted: int, width: int, height: int) -> int:
+    """Bits per sample that a codec has for a size: as many as are wanted, or else the most."""
+    depths = [depth for depth in (8, 10, 12, 14, 16) if depth <= wanted and _fitting(codec, width, height, depth, None)]
+    return max(depths, default=8)
+
+
 def depth_of(pixel_format: str) -> int:
     """Bits per sample of a pixel format."""
     return max(component.bits for component in av.VideoFormat(pixel_format).components)
@@ -241,8 +251,9 @@ def _named(name: str) -> Codec:
     return _BY_NAME.get(name) or _BY_ENCODER.get(name) or _foreign(name)
 
 
-def _usual(suffix: str, alpha: bool) -> Codec:
-    usual = _BY_NAME[CONTAINERS[suffix].codec]
+def _usual(suffix: str, alpha: bool, depth: int) -> Codec:
+    container = CONTAINERS[suffix]
+    usual = _BY_NAME[container.codec if depth <= 8 else container.deep]
     if not alpha or usual.transparent:
         return usual
     return next((_BY_NAME[name] for name in _transparent(suffix)), usual)
@@ -256,7 +267,7 @@ def _transparent(suffix: str) -> list[str]:
     return [codec.name for codec in CODECS if codec.transparent and suffix in codec.holders(True)]
 
 
-def _fitting(codec: Codec, width: int, height: int, depth: int, like: str | None, alpha: bool) -> str | None:
+def _fitting(codec: Codec, width: int, height: int, depth: int, like: str | None, alpha: bool = False) -> str | None:
     odd = bool(width % 2 or height % 2)
     usable = [
         name

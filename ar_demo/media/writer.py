@@ -80,7 +80,7 @@ class VideoWriter:
             RunError: the file cannot be begun.
         """
         self.path = path.path if isinstance(path, Claim) else Path(path)
-        chosen = codecs.choose(self.path, codec)
+        chosen = codecs.choose(self.path, codec, depth=depth)
         suffix = self.path.suffix.lower()
         container = codecs.CONTAINERS[suffix]
         like = pixel_format and plain(pixel_format)

@@ -136,7 +136,7 @@ def test_ten_bit_colours_by_range(tmp_path: Path, pix_fmt: str, full: bool) -> N
     ("name", "codec", "depth", "size", "said"),
     [
         ("a.mp4", "libx264", 12, (96, 64), "use h265"),
-        ("a.webm", None, 10, (96, 64), "use av1"),
+        ("a.webm", "vp9", 10, (96, 64), "use av1"),
         ("a.mp4", "mpeg4", 10, (96, 64), "use h264, h265 or av1"),
         ("a.mkv", "libsvtav1", 10, (97, 63), "use h264, h265, prores4444 or ffv1"),
         ("a.mov", "libx264", 14, (96, 64), "fewer bits"),
