@@ -36,6 +36,7 @@ from .surface import Moment, Surface
 from .tracking.cuts import CutDetector
 from .tracking.oneeuro import OneEuro
 from .tracking.protocol import MakeTracker, PlanarTracker, hdn_trackers
+from .words import counted
 
 log = logging.getLogger(__name__)
 
@@ -132,7 +133,9 @@ class LiveSession:
                 frames += 1
                 show(states, frame.image)
             if all(target.started is None for target in targets):
-                raise InputError(f"start ({self.surfaces[0].start}) was not reached: {self.source} had {frames} frames")
+                raise InputError(
+                    f"start ({self.surfaces[0].start}) was not reached: {self.source} had {counted(frames, 'frame')}"
+                )
             seconds = time.perf_counter() - began
         return Result(
             output if isinstance(output, Path) else STDOUT,

@@ -31,6 +31,7 @@ from .tracking.moments import is_within, until
 from .tracking.passes import Passes
 from .tracking.protocol import MakeTracker, hdn_trackers
 from .tracks import Track
+from .words import counted
 
 log = logging.getLogger(__name__)
 
@@ -163,9 +164,8 @@ class Session(AbstractContextManager["Session"]):
             if options.audio != "none" and info.has_audio and not holds_sound(output.path):
                 warnings.append(f"{output.path.suffix} holds no sound: it is left out")
             if count < length and end == Moment():
-                warnings.append(
-                    f"{self.reader.path} has only {count} of the track's {length} frames: the rest is left out"
-                )
+                of_track = counted(length, "frame")
+                warnings.append(f"{self.reader.path} has only {count} of the track's {of_track}: the rest is left out")
             description = renderer.description
         return Result(
             output.path,

@@ -63,7 +63,7 @@ def parse_quad(points: Any) -> Array:
     """Four corners to a quad (4, 2), px.
 
     Args:
-        points: 'x,y x,y x,y x,y', a list of four 'x,y', or four pairs of numbers.
+        points: 'x,y x,y x,y x,y' in one text or four, whatever is between the numbers; or four pairs of numbers.
 
     Raises:
         InputError: not four points of two numbers.
@@ -81,7 +81,7 @@ def parse_polygon(points: Any) -> Array:
     """Three corners or more to a polygon (n, 2), px of the reference frame.
 
     Args:
-        points: 'x,y x,y x,y ...', a list of 'x,y', or pairs of numbers.
+        points: 'x,y x,y x,y ...' in one text or several, whatever is between the numbers; or pairs of numbers.
 
     Raises:
         InputError: not points of two numbers, or fewer than three.
@@ -96,12 +96,12 @@ def parse_polygon(points: Any) -> Array:
 
 
 def _points(points: Any) -> Array | None:
-    """Points (n, 2) of 'x,y x,y ...', a list of 'x,y', or pairs of numbers; None where they are no such thing."""
-    if isinstance(points, str):
-        points = points.split()
+    """Points (n, 2) of numbers in a text or in several, or of pairs of numbers; None where they are no such thing."""
     try:
-        rows = [p.replace(",", " ").split() if isinstance(p, str) else p for p in points]
-        found = np.array(rows, np.float64)
+        if isinstance(points, str) or all(isinstance(point, str) for point in points):
+            text = points if isinstance(points, str) else " ".join(points)
+            points = np.array(re.split(r"[\s,;()\[\]]+", text.strip(" ,;()[]\t\n")), np.float64).reshape(-1, 2)
+        found = np.array(points, np.float64)
     except (TypeError, ValueError):
         return None
     return found if found.ndim == 2 and found.shape[1] == 2 and np.isfinite(found).all() else None

@@ -17,6 +17,7 @@ from hdn.state import STATES, State
 
 from .errors import InputError
 from .media.claims import Claim, write_whole
+from .words import counted
 
 VERSION = 1
 
@@ -192,7 +193,7 @@ def _parse(content: dict[str, Any]) -> Track:
     if {quad.shape, *(k.shape for k in keyframes.values())} != {(4, 2)} or corners.shape != (len(frames), 4, 2):
         raise ValueError("a quad without exactly four corners")
     if beyond := [k for k in keyframes if not 0 <= k < len(frames)]:
-        raise ValueError(f"keyframe at frame {beyond[0]}, where there are {len(frames)} frames")
+        raise ValueError(f"keyframe at frame {beyond[0]}, of {counted(len(frames), 'frame')}")
     return Track(
         Source(
             source["path"],

@@ -2,17 +2,16 @@
 
 import argparse
 import logging
-import os
 import re
-import signal
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from threading import current_thread, main_thread
-from types import FrameType
 from typing import Any, NoReturn
 
 from .errors import TORCH_MISSING, InputError, RunError
+from .signals import Ended, ending, heard, leaving
+from .signals import status as ended_status
+from .standard_streams import lost, make_harmless
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -67,8 +66,18 @@ def run(command: Command, arguments: Sequence[str] | None, interrupted: str) -> 
 
     Args:
         command: takes the arguments, and gives the exit status; see `load`.
-        interrupted: what Ctrl-C leaves behind.
+        interrupted: what Ctrl-C, SIGTERM and SIGHUP leave behind.
     """
+    make_harmless()
+    with heard(ending()):
+        status = _status(command, arguments, interrupted)
+    if (error := lost()) is not None:
+        print(f"error: standard output cannot be written to: {(error.strerror or str(error)).lower()}", file=sys.stderr)
+        return status or FAILED
+    return status
+
+
+def _status(command: Command, arguments: Sequence[str] | None, interrupted: str) -> int:
     try:
         return command(arguments)
     except InputError as error:
@@ -79,12 +88,16 @@ def run(command: Command, arguments: Sequence[str] | None, interrupted: str) -> 
             raise
         print(f"error: this takes {TORCH_MISSING}", file=sys.stderr)
         return BAD_INPUT
-    except (RunError, OSError, MemoryError) as error:
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        print(f"error: {reason if error.filename is None else f'{error.filename}: {reason}'}", file=sys.stderr)
+        return FAILED
+    except (RunError, MemoryError) as error:
         print(f"error: {str(error) or type(error).__name__}", file=sys.stderr)
         return FAILED
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         print(f"interrupted: {interrupted}", file=sys.stderr)
-        return INTERRUPTED
+        return ended_status(error.number) if isinstance(error, Ended) else INTERRUPTED
     except Exception as error:  # ours to mend, but no reason to show a trace to somebody who cannot
         if isinstance(error, ModuleNotFoundError) and error.name == "torch":
             print(f"error: this takes {TORCH_MISSING}", file=sys.stderr)
@@ -97,16 +110,6 @@ def run(command: Command, arguments: Sequence[str] | None, interrupted: str) -> 
 
 def load(command: str, interrupted: str) -> Any:
     """Imports 'module:function'. Libraries that are being loaded swallow Ctrl-C, or fail by it: so it just ends all."""
-
-    def leave(number: int, frame: FrameType | None) -> None:
-        os.write(2, f"interrupted: {interrupted}\n".encode())
-        os._exit(INTERRUPTED)
-
-    main = current_thread() is main_thread()
-    usual = signal.signal(signal.SIGINT, leave) if main else None
-    try:
+    with heard(leaving(f"interrupted: {interrupted}")):
         module, _, function = command.partition(":")
         return getattr(import_module(module), function)
-    finally:
-        if main:
-            signal.signal(signal.SIGINT, usual)

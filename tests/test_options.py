@@ -31,14 +31,32 @@ def test_refuses_other_moments(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "given", ["1,2 30,2 30,40 1,40", ["1,2", "30,2", "30,40", "1,40"], [[1, 2], [30, 2], [30, 40], [1, 40]]]
+    "given",
+    [
+        "1,2 30,2 30,40 1,40",
+        "1, 2, 30, 2, 30, 40, 1, 40",
+        "1 2 30 2\n30 40 1 40",
+        "(1,2) (30,2) (30,40) (1,40)",
+        "[[1, 2], [30, 2], [30, 40], [1, 40]]",
+        ["1,2", "30,2", "30,40", "1,40"],
+        [[1, 2], [30, 2], [30, 40], [1, 40]],
+    ],
 )
 def test_quads(given: Any) -> None:
     np.testing.assert_array_equal(parse_quad(given), [[1, 2], [30, 2], [30, 40], [1, 40]])
 
 
 @pytest.mark.parametrize(
-    "given", ["", "1,2 3,4 5,6", "1 2 3 4", "a,b c,d e,f g,h", ["1,2", "3,4", "5,nan", "6,7"], ["1,2,3"] * 4]
+    "given",
+    [
+        "",
+        "1,2 3,4 5,6",
+        "1 2 3 4",
+        "1,2 3,4 5,6 7,8 9",
+        "a,b c,d e,f g,h",
+        ["1,2", "3,4", "5,nan", "6,7"],
+        ["1,2,3"] * 4,
+    ],
 )
 def test_refuses_other_quads(given: Any) -> None:
     with pytest.raises(InputError, match="four corners"):

@@ -16,13 +16,14 @@ from ..options import OutputOptions, TrackingOptions
 from ..pipeline import default_output, replace, track
 from ..results import Result
 from ..session import claimed_output
-from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
+from ..surface import ADS_ALONE, Keyframe, Moment, Surface, parse_polygon, parse_quad
 from ..tracking.corrections import needs_correction
+from ..words import counted
 from .applicability import STDOUT, check_applicable, flag
 from .bar import Bar
 from .exports import exports_of
 from .jobs import Job, load_job
-from .reporting import counted, in_words, print_summary, set_up_logging, warn
+from .reporting import in_words, print_summary, set_up_logging, warn
 from .stdio import standard_output, stopped_by_signals
 
 NO_SURFACE = "say where the surface is: --quad x,y x,y x,y x,y, or --track track.json"
@@ -118,15 +119,20 @@ def _surfaces(given: Namespace, job: Job | None, input: Path | str) -> list[Surf
     if job is not None:
         return job.surfaces_with(values, input)
     if "surface" in given:
-        return [
-            Surface(**values | {"ad": None if ad == "-" else Path(ad), "quad": parse_quad(corners)})
-            for ad, corners in given.surface
-        ]
+        with_ads = {ad != "-" for ad, _ in given.surface}
+        return [_placed(ad, corners, values, len(with_ads) == 2) for ad, corners in given.surface]
     if "keyframe" in given:
         values["keyframes"] = tuple(map(Keyframe.parse, given.keyframe))
     if "quad" not in values and "track" not in values:
         raise InputError(NO_SURFACE)
     return [Surface(**values)]
+
+
+def _placed(ad: str, corners: str, values: dict[str, Any], is_mixed: bool) -> Surface:
+    """A --surface; where there are such with an ad and such without, each takes the options that are of its kind."""
+    others = ("effect",) if ad != "-" else ADS_ALONE
+    own = {name: value for name, value in values.items() if not is_mixed or name not in others}
+    return Surface(**own | {"ad": None if ad == "-" else Path(ad), "quad": parse_quad(corners)})
 
 
 def _check_tracked(given: Namespace, surfaces: list[Surface]) -> None:

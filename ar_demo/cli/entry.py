@@ -8,7 +8,7 @@ from hdn.commandline import Parser, load, run
 
 from .parsers import export_parser, replace_parser, track_parser
 
-LEFT_BEHIND = "nothing was written"
+LEFT_BEHIND = "nothing unfinished is left"
 
 
 def replace_main(arguments: Sequence[str] | None = None) -> None:

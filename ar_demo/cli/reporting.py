@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from hdn.commandline import DONE, FAILED
 
 from ..results import Result
+from ..words import counted
 
 
 class Log(logging.StreamHandler):  # type: ignore[type-arg]
@@ -57,11 +58,6 @@ def warn(warnings: Sequence[str], log: Log, strict: bool) -> int:
         if warning not in log.warned:
             print(f"warning: {warning}", file=sys.stderr)
     return FAILED if warnings and strict else DONE
-
-
-def counted(count: int, noun: str) -> str:
-    """As in '3 frames'."""
-    return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
 def in_words(states: Mapping[str, int]) -> str:

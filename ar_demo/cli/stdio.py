@@ -1,13 +1,12 @@
 """Standard output as a place for a stream, and Ctrl-C as a way to end one."""
 
 import os
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import current_thread, main_thread
-from types import FrameType
-from typing import Any, BinaryIO
+from typing import BinaryIO
+
+from hdn.signals import ending, heard
 
 from ..errors import InputError
 
@@ -23,20 +22,16 @@ def standard_output() -> BinaryIO:
 
 @contextmanager
 def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Calls `stop` on Ctrl-C and on a request to terminate; the second time they act as usual."""
-    if current_thread() is not main_thread():
-        yield  # signals come to the main thread only
-        return
-    usual: dict[int, Any] = {}
+    """Calls `stop` on Ctrl-C and on a request to terminate; the second time they end the work at once."""
+    asked = False
+    end = ending()
 
-    def ask(number: int, frame: FrameType | None) -> None:
+    def ask(number: int) -> None:
+        nonlocal asked
+        if asked:
+            end(number)
+        asked = True
         stop()
-        signal.signal(number, usual[number])
 
-    for number in (int(signal.SIGINT), int(signal.SIGTERM)):
-        usual[number] = signal.signal(number, ask)
-    try:
+    with heard(ask):
         yield
-    finally:
-        for number, handler in usual.items():
-            signal.signal(number, handler)

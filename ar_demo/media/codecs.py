@@ -103,7 +103,7 @@ _MOVIE = (".mp4", ".m4v", ".mov", ".mkv")
 
 CODECS = (
     Codec("h264", "H.264", "libx264", _MOVIE, _yuv(8, 10)),
-    Codec("h265", "H.265", "libx265", _MOVIE, _yuv(8, 10, 12)),
+    Codec("h265", "H.265", "libx265", _MOVIE, _yuv(8, 10, 12), options={"x265-params": "log-level=error"}),
     Codec("av1", "AV1", "libsvtav1", (".mp4", ".m4v", ".mkv", ".webm"), ("yuv420p", "yuv420p10le")),
     Codec(
         "vp9",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import logging
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -30,6 +31,7 @@ from .streams import Streams
 log = logging.getLogger(__name__)
 
 DEFAULT_CRF = 18  # visually lossless in H.264
+os.environ.setdefault("SVT_LOG", "1")  # SVT-AV1 tells of itself unless its environment says: of errors alone
 
 
 class VideoWriter:

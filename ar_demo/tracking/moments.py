@@ -10,6 +10,7 @@ from ..errors import InputError
 from ..media.reader import Frame, VideoReader
 from ..stopping import StopSignal
 from ..surface import Keyframe, Moment, Surface
+from ..words import counted
 
 
 def until(frames: Iterable[Frame], end: Moment, zero: Fraction) -> Iterator[Frame]:
@@ -44,7 +45,9 @@ def starts(reader: VideoReader, surfaces: Sequence[Surface], end: Moment, stop: 
     times = [time for i, time in enumerate(reader.times) if is_within(end, i, time - zero)]
     for name, moment in named:
         if index_of(moment, times) is None:
-            raise InputError(f"{name} ({moment}) is beyond the end: {reader.path} has {len(times)} frames up to there")
+            raise InputError(
+                f"{name} ({moment}) is beyond the end: {reader.path} has {counted(len(times), 'frame')} up to there"
+            )
     return [index_of(surface.start, times) or 0 for surface in surfaces]
 
 
@@ -63,7 +66,7 @@ def keyframes_of(keyframes: Sequence[Keyframe], quad: Array, start: int, times: 
         at, corners = keyframe.at, keyframe.corners
         index = index_of(at, times)
         if index is None:
-            raise InputError(f"keyframe ({at}) is beyond the end: the track has {len(times)} frames")
+            raise InputError(f"keyframe ({at}) is beyond the end: the track has {counted(len(times), 'frame')}")
         if index == start:
             raise InputError(f"keyframe ({at}) is the frame of the quad itself: give --quad anew to change it")
         if index in found:

@@ -217,6 +217,29 @@ def test_corners_are_one_argument_or_several(run: Run, done: list[Any], option: 
     np.testing.assert_array_equal(polygon, [[10, 10], [90, 10], [90, 90], [10, 90]])
 
 
+def test_an_effect_beside_ads_is_of_the_surfaces_without_one(run: Run, done: list[Any]) -> None:
+    surfaces = ["--surface", "ad.png", *QUAD, "--surface", "-", *QUAD]
+    code, _, err = run("in.mp4", *surfaces, "--effect", "blur", "--fit", "cover", "--once", "--lost", "hide")
+    assert code == 0, err
+    [(_, _, [first, second], *_)] = done
+    names = ("ad", "effect", "fit", "playback", "lost")
+    assert [first[name] for name in names] == [Path("ad.png"), "replace", "cover", "once", "hide"]
+    assert [second[name] for name in names] == [None, "blur", "stretch", "loop", "hide"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--surface", "ad.png", *QUAD, "--effect", "blur"], "ad does nothing with effect blur"),
+        (["--surface", "-", *QUAD, "--effect", "blur", "--fit", "cover"], "fit does nothing with effect blur"),
+    ],
+)
+def test_what_no_surface_can_use_is_refused(run: Run, done: list[Any], arguments: list[str], message: str) -> None:
+    code, _, err = run("in.mp4", *arguments)
+    assert (code, done) == (2, [])
+    assert message in err
+
+
 def test_files_may_come_after_corners(run: Run, done: list[Any]) -> None:
     code, _, err = run("--quad", *QUAD, "--exclude", "-5,20", "30,20", "30,30", "a,b.mp4", "ad.png")
     assert code == 0, err

@@ -203,4 +203,4 @@ def test_ctrl_c_while_libraries_load_is_a_word(library: str) -> None:
     process.send_signal(signal.SIGINT)
     assert process.wait(600) == 130
     _, err = process.communicate()
-    assert err == "interrupted: nothing was written\n"
+    assert err == "interrupted: nothing unfinished is left\n"
