@@ -12,7 +12,8 @@ from ..media.claims import check_different
 from ..options import OutputOptions
 from ..session import check_output
 from ..tracks import Track
-from .reporting import counted, set_up_logging, warn
+from ..words import counted
+from .reporting import set_up_logging, warn
 
 
 def export_command(given: Namespace) -> int:
