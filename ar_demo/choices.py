@@ -11,6 +11,7 @@ AudioMode = Literal["source", "ad", "mix", "none"]
 KeptStreams = Literal["all", "first"]
 Backend = Literal["auto", "egl", "osmesa", "opencv"]
 Depth = Literal["auto", "8", "10", "12", "source"]
+Alpha = Literal["straight", "premultiplied"]
 Device = Literal["auto", "cpu", "cuda"]
 LostKeys = Literal["hold", "omit"]
 # Other packages can add to the formats: see `export.formats`.
@@ -38,6 +39,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "streams": get_args(KeptStreams),
     "backend": get_args(Backend),
     "depth": get_args(Depth),
+    "alpha": get_args(Alpha),
     "device": get_args(Device),
     "lost_keys": get_args(LostKeys),
     "format": get_args(Format),

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .choices import AudioMode, Backend, Depth, Device, KeptStreams
+from .choices import Alpha, AudioMode, Backend, Depth, Device, KeptStreams
 from .errors import InputError
 from .surface import Moment, check_choices, check_not_negative
 
@@ -45,6 +45,8 @@ class OutputOptions:
         crf: quality of the encoder, lower is better; None takes the codec's usual.
         depth: bits a sample: 8, 10, 12; as many as the source has, and its chroma ("source"); or the same as far as the
             codec has them, and 4:2:0 in 8 bits ("auto").
+        alpha: whether a layer's colours are as they are, or times alpha; None takes what is usual in its format.
+        layer_codec: of a layer that is a video; None takes the container's usual that holds transparency.
         overwrite: whether an existing output may be replaced.
 
     Raises:
@@ -58,6 +60,8 @@ class OutputOptions:
     codec: str | None = None
     crf: float | None = None
     depth: Depth = "auto"
+    alpha: Alpha | None = None
+    layer_codec: str | None = None
     overwrite: bool = False
 
     def __post_init__(self) -> None:

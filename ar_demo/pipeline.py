@@ -15,7 +15,7 @@ from .media.pictures import check_picture_name, write_picture
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, silent
 from .results import Result
-from .session import Session, check_output, claimed_output
+from .session import Session, check_output, claimed_output, claimed_outputs
 from .surface import Surface
 from .tracking.protocol import MakeTracker, MappingTracker, PlanarTracker, hdn_trackers
 from .tracks import Track
@@ -29,16 +29,19 @@ def replace(
     options: OutputOptions | None = None,
     listen: Listener = silent,
     save_track: Path | str | None = None,
+    layer: Path | str | None = None,
+    matte: Path | str | None = None,
 ) -> Result:
     """Puts ads on the surfaces of a video in one pass; later ones are drawn over earlier ones.
 
     Args:
         input: the video.
         surfaces: one or several, each with its quad or with a track made earlier.
-        output: the video to write; None writes beside the input, as INPUT.ar.mp4.
+        output: the video to write; None writes beside the input, as INPUT.ar.mp4, where neither layer nor matte is.
         tracking, options: how to track, and how to draw and write.
         listen: called after each frame.
         save_track: where to write the tracks; of several the first goes to NAME.1.json, and so on.
+        layer, matte: what is laid on the video by itself, and its alpha alone, to write; see `Session.render`.
 
     Raises:
         InputError, RunError: see `Session.track` and `Session.render`.
@@ -51,24 +54,27 @@ def replace(
     if not surfaces:
         raise InputError("there is no surface: give one, with its quad or a track")
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
-    output = Path(output) if output is not None else default_output(Path(input))
+    if output is None and layer is None and matte is None:
+        output = default_output(Path(input))
+    names = [Path(name) if name is not None else None for name in (output, layer, matte)]
     files = track_files(Path(save_track), len(surfaces)) if save_track is not None else []
-    check_different([output, *files])
+    check_different([*filter(None, names), *files])
     with ExitStack() as held, Session(input, listen) as session:
         inputs = (input, *(surface.ad for surface in surfaces))
-        claim, *claims = (held.enter_context(claimed_output(file, options, *inputs)) for file in (output, *files))
-        session.check(surfaces, claim, options)
+        outputs = held.enter_context(claimed_outputs(names, options, *inputs))
+        claims = [held.enter_context(claimed_output(file, options, *inputs)) for file in files]
+        session.check(surfaces, outputs, options)
         tracked = session.track(surfaces, tracking)
         for file, surface in zip(claims, tracked, strict=False):
             if surface.track is not None:
                 surface.track.save(file)
         try:
-            result = session.render(tracked, claim, options, tracking.end)
+            result = session.render(tracked, outputs.video, options, tracking.end, outputs.layer, outputs.matte)
         except (RunError, OSError) as error:
             new = [now.track for now, given in zip(tracked, surfaces, strict=True) if now.track is not given.track]
             if isinstance(error, Stopped) or not new:
                 raise
-            raise RunError(f"{error}; {_kept([track for track in new if track], files, output)}") from error
+            raise RunError(f"{error}; {_kept([track for track in new if track], files, outputs.paths[0])}") from error
     return changed(result, seconds=time.perf_counter() - started)
 
 

@@ -12,7 +12,7 @@ class Result:
     """What was made: the summary that `--json` prints.
 
     Attributes:
-        output: the file written.
+        output: the video written, None for none; layer, matte: what was laid on it by itself, and its alpha alone.
         frames: frames in it; states: how many of them were tracked, held, lost, over all surfaces.
         seconds: wall time of tracking and rendering; fps: frames per second of it.
         compositor: backend and renderer.
@@ -21,7 +21,7 @@ class Result:
         dropped: frames of a live source that came too fast; None where there was no such source.
     """
 
-    output: Path
+    output: Path | None
     frames: int
     states: dict[str, int]
     seconds: float
@@ -29,6 +29,13 @@ class Result:
     warnings: list[str] = field(default_factory=list)
     surfaces: list[dict[str, Any]] = field(default_factory=list)
     dropped: int | None = None
+    layer: Path | None = None
+    matte: Path | None = None
+
+    @property
+    def outputs(self) -> list[Path]:
+        """All files, or image sequences, written."""
+        return [path for path in (self.output, self.layer, self.matte) if path is not None]
 
     @property
     def fps(self) -> float:
@@ -37,7 +44,8 @@ class Result:
     def summary(self) -> dict[str, Any]:
         """As JSON can hold it."""
         return {
-            "output": str(self.output),
+            "output": None if self.output is None else str(self.output),
+            **{name: str(path) for name, path in (("layer", self.layer), ("matte", self.matte)) if path is not None},
             "frames": self.frames,
             "states": self.states,
             "surfaces": self.surfaces,

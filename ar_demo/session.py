@@ -2,8 +2,8 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace as changed
 from fractions import Fraction
 from pathlib import Path
@@ -12,15 +12,16 @@ from typing import Any, TypeVar
 from .compositing.compositor import open_compositor
 from .errors import InputError
 from .media.claims import Claim, check_name, claimed
-from .media.codecs import holds_sound
-from .media.form import Form, form_of
+from .media.codecs import holds_sound, is_picture
 from .media.reader import IndexDropped, VideoReader
+from .media.sequences import pictures_of
 from .media.streams import Streams
 from .media.threads import ahead, behind
 from .media.writer import VideoWriter
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, Stage, silent
 from .rendering.loop import Renderer
+from .rendering.outputs import Outputs, OutputWriters
 from .rendering.painting import check_ad
 from .rendering.steady import SteadyView
 from .results import Result, total
@@ -100,7 +101,7 @@ class Session(AbstractContextManager["Session"]):
             for surface in surfaces
         ]
 
-    def check(self, surfaces: Sequence[Surface], output: Claim, options: OutputOptions | None = None) -> None:
+    def check(self, surfaces: Sequence[Surface], outputs: Outputs, options: OutputOptions | None = None) -> None:
         """Opens once all that `render` will need, but the tracks: so it fails before the work, or not for this.
 
         Raises:
@@ -111,23 +112,27 @@ class Session(AbstractContextManager["Session"]):
             check_ad(surface)
         if options.backend != "auto":
             open_compositor(options.backend).close()
-        streams, form = self._streams(surfaces, output, options, Moment()), self._form(output, options)
-        self._writer(output, options, streams, form).discard()
+        streams = self._streams(surfaces, outputs, options, Moment())
+        OutputWriters(outputs, self.reader.info, options, streams).discard()
 
     def render(
         self,
         surfaces: Sequence[Surface],
-        output: Path | str | Claim,
+        output: Path | str | Claim | None = None,
         options: OutputOptions | None = None,
         end: Moment | None = None,
+        layer: Path | str | Claim | None = None,
+        matte: Path | str | Claim | None = None,
     ) -> Result:
         """Lays the ads on their tracked surfaces and writes the video; later ones lie over earlier ones.
 
         The sound of the ad, where the options ask for it, is the first ad's. What comes after a track's end is copied.
 
         Args:
-            output: the video to write, or a claim on its name.
+            output: the video to write, or a claim on its name; None for none.
             end: the last frame; None for the video's.
+            layer: video or image sequence to write what is laid on the video to, by itself, with alpha.
+            matte: the same for the alpha alone, white on black.
 
         Raises:
             InputError: surfaces without tracks, tracks of another video, files that cannot be read, an output that
@@ -136,78 +141,67 @@ class Session(AbstractContextManager["Session"]):
             Stopped: see `stop`.
         """
         options = options or OutputOptions()
-        with claimed_output(output, options, self.reader.path, *(surface.ad for surface in surfaces)) as claim:
+        inputs = self.reader.path, *(surface.ad for surface in surfaces)
+        with claimed_outputs((output, layer, matte), options, *inputs) as outputs:
             tracks = [surface.track for surface in surfaces if surface.track is not None]
             for track in tracks:
                 check_belongs_to(track, self.reader)
-            return self._numbered_rightly(lambda: self._render(surfaces, tracks, claim, options, end or Moment()))
+            return self._numbered_rightly(lambda: self._render(surfaces, tracks, outputs, options, end or Moment()))
 
     def _render(
-        self, surfaces: Sequence[Surface], tracks: Sequence[Track], output: Claim, options: OutputOptions, end: Moment
+        self,
+        surfaces: Sequence[Surface],
+        tracks: Sequence[Track],
+        outputs: Outputs,
+        options: OutputOptions,
+        end: Moment,
     ) -> Result:
         started, info = time.perf_counter(), self.reader.info
-        streams, form = self._streams(surfaces, output, options, end), self._form(output, options)
+        streams = self._streams(surfaces, outputs, options, end)
         with (
-            VideoReader(self.reader.path, depth=16 if form.depth > 8 else 8) as reader,
+            OutputWriters(outputs, info, options, streams) as writer,
+            VideoReader(self.reader.path, depth=16 if writer.is_deep else 8) as reader,
             Renderer(self.reader, surfaces, options.backend) as renderer,
-            self._writer(output, options, streams, form) as writer,
             ahead(until(reader.frames(), end, self.reader.times[0])) as frames,
             behind(writer.write) as write,
         ):
             length, count = renderer.length, 0
             show = Stage(self.listen, "render", 0, info.frames if end == Moment() else length)
-            for frame in renderer.draw(self._stop.watch(frames)):
-                write(frame.image, frame.time, frame.duration, frame.planes, frame.drawn)
+            for frame, insert in renderer.draw(self._stop.watch(frames), outputs.apart):
+                write(frame, insert)
                 count += 1
                 show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.image)
             warnings = [*tracks_warnings(tracks, self.reader.warnings), *self.reader.warnings, *reader.warnings]
-            if options.audio != "none" and info.has_audio and not holds_sound(output.path):
-                warnings.append(f"{output.path.suffix} holds no sound: it is left out")
+            video = outputs.video.path if outputs.video else None
+            if video and options.audio != "none" and info.has_audio and not holds_sound(video):
+                warnings.append(f"{video.suffix} holds no sound: it is left out")
             if count < length and end == Moment():
                 of_track = counted(length, "frame")
                 warnings.append(f"{self.reader.path} has only {count} of the track's {of_track}: the rest is left out")
             description = renderer.description
         return Result(
-            output.path,
+            video,
             count,
             total(track.counts for track in tracks),
             time.perf_counter() - started,
             description,
             list(dict.fromkeys([*warnings, *ends_warnings(tracks, count), *streams.warnings])),
             [{"ad": s.name, "states": track.counts} for s, track in zip(surfaces, tracks, strict=True)],
+            layer=outputs.layer.path if outputs.layer else None,
+            matte=outputs.matte.path if outputs.matte else None,
         )
 
-    def _streams(self, surfaces: Sequence[Surface], output: Claim, options: OutputOptions, end: Moment) -> Streams:
+    def _streams(self, surfaces: Sequence[Surface], outputs: Outputs, options: OutputOptions, end: Moment) -> Streams:
         heard = next((surface for surface in surfaces if surface.ad is not None), surfaces[0])
         times = self.reader.times
         return Streams(
-            options.audio if holds_sound(output.path) else "none",
+            options.audio if outputs.video and holds_sound(outputs.video.path) else "none",
             self.reader.path,
             Path(heard.ad) if heard.ad else None,
             heard.playback,
             options.streams,
             options.location,
             next((time for i, time in enumerate(times) if not is_within(end, i, time - times[0])), None),
-        )
-
-    def _form(self, output: Claim, options: OutputOptions) -> Form:
-        return form_of(output.path, self.reader.info, options.depth, options.codec)
-
-    def _writer(self, output: Claim, options: OutputOptions, streams: Streams, form: Form) -> VideoWriter:
-        info = self.reader.info
-        return VideoWriter(
-            output,
-            info.width,
-            info.height,
-            info.rate,
-            codec=form.codec,
-            crf=options.crf,
-            streams=streams,
-            time_base=info.time_base,
-            pixel_aspect=info.pixel_aspect,
-            depth=form.depth,
-            pixel_format=form.pixel_format,
-            colour=form.colour,
         )
 
     def steady(self, track: Track, output: Path | str | Claim, options: OutputOptions | None = None) -> None:
@@ -288,9 +282,19 @@ def ends_warnings(tracks: Sequence[Track], frames: int) -> list[str]:
 
 def check_output(output: Path, options: OutputOptions, *inputs: Path | str | None) -> None:
     """Raises InputError where the output may not be written: it is an input, or `check_name` refuses it."""
-    if any(source is not None and Path(source).resolve() == output.resolve() for source in inputs):
-        raise InputError(f"{output} is an input as well: choose another output with -o")
+    given = [Path(source) for source in inputs if source is not None]
+    check_not_read([output], given, output)
     check_name(output, options.overwrite)
+    if is_picture(output) and (there := pictures_of(output)):
+        check_not_read(there, [*given, *(file for path in given for file in pictures_of(path))], output)
+        if not options.overwrite:
+            raise InputError(f"{there[0]} exists already: choose another output with -o, or give --overwrite")
+
+
+def check_not_read(files: Iterable[Path], inputs: Iterable[Path], output: Path) -> None:
+    """Raises InputError where one of the files is among the inputs."""
+    if {file.resolve() for file in files} & {file.resolve() for file in inputs}:
+        raise InputError(f"{output} is an input as well: choose another output with -o")
 
 
 @contextmanager
@@ -304,6 +308,21 @@ def claimed_output(output: Path | str | Claim, options: OutputOptions, *inputs: 
         check_output(Path(output), options, *inputs)
     with claimed(output, options.overwrite) as claim:
         yield claim
+
+
+@contextmanager
+def claimed_outputs(
+    names: Sequence[Path | str | Claim | None], options: OutputOptions, *inputs: Path | str | None
+) -> Iterator[Outputs]:
+    """The outputs of a rendering: the video, the layer and the matte, None for what is not written; see above.
+
+    Raises:
+        InputError: see `claimed_output`; there is none.
+    """
+    with ExitStack() as held:
+        yield Outputs(
+            *(None if name is None else held.enter_context(claimed_output(name, options, *inputs)) for name in names)
+        )
 
 
 def check_belongs_to(track: Track, reader: VideoReader) -> None:

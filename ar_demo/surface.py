@@ -237,7 +237,7 @@ def check_choices(options: Any) -> None:
     """Raises InputError for a field of a dataclass that is none of the choices of its name."""
     for f in fields(options):
         value = getattr(options, f.name)
-        if f.name in CHOICES and value not in CHOICES[f.name]:
+        if f.name in CHOICES and value is not None and value not in CHOICES[f.name]:
             raise InputError(f"{f.name} '{value}' is unknown: choose {', '.join(CHOICES[f.name])}")
 
 

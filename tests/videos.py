@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import av
+import numpy as np
 
 from ar_demo.media.ad import Ad
 from ar_demo.media.reader import Frame, VideoReader
 from ar_demo.media.streams import Streams
 from ar_demo.media.writer import VideoWriter
-from hdn.imaging.arrays import Picture
+from hdn.imaging.arrays import Floats, Picture
 
 from . import clips
 
@@ -58,3 +59,11 @@ def sound_codecs(path: Path) -> list[str]:
 def clip(path: Path, seconds: float = 2, **options: Any) -> Path:
     """Makes a numbered clip at 25 frames a second; options: of `clips.make_clip`."""
     return clips.make_clip(path, clips.numbered(round(seconds * 25)), **options)
+
+
+def floats_of(path: Path) -> Floats:
+    """The samples (h, w, 3 or 4) of an OpenEXR picture of half floats."""
+    with av.open(str(path)) as container:
+        frame = next(container.decode(video=0))
+    rows = [np.frombuffer(plane, np.float16).reshape(plane.height, -1)[:, : plane.width] for plane in frame.planes]
+    return np.stack([rows[index] for index in (2, 0, 1, 3)[: len(rows)]], -1).astype(np.float32)

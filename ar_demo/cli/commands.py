@@ -13,7 +13,7 @@ from ..importing.loading import load_track
 from ..live import LiveSession
 from ..media.claims import check_different
 from ..options import OutputOptions, TrackingOptions
-from ..pipeline import default_output, replace, track
+from ..pipeline import replace, track
 from ..results import Result
 from ..session import claimed_output
 from ..surface import ADS_ALONE, Keyframe, Moment, Surface, parse_polygon, parse_quad
@@ -43,11 +43,13 @@ def replace_command(given: Namespace) -> int:
     _check_tracked(given, surfaces)
     output = _either("output", given, job.output if job else None)
     save_track = _either("save_track", given, job.save_track if job else None)
+    layer = _either("layer", given, job.layer if job else None)
+    matte = _either("save_matte", given, job.save_matte if job else None)
     with Bar("quiet" in given) as bar:
         if "live" in given:
             result = _live(str(input), surfaces, output, tracking, options, bar)
         else:
-            result = replace(input, surfaces, output or default_output(Path(input)), tracking, options, bar, save_track)
+            result = replace(input, surfaces, output, tracking, options, bar, save_track, layer=layer, matte=matte)
     if "json" in given:
         print(json.dumps(result.summary()))
     else:

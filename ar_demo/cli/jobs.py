@@ -2,6 +2,7 @@
 
     {"version": 1,
      "input": "street.mp4", "output": "out.mp4", "save_track": "tracks.json",
+     "layer": "ads.mov", "save_matte": "matte.%05d.png",
      "tracking": {"end": "20s", "smooth": 1.0},
      "rendering": {"audio": "mix", "crf": 20},
      "surfaces": [
@@ -25,7 +26,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from ..choices import AudioMode, Backend, Blend, Depth, Device, Effect, Fit, KeptStreams, Lost, Playback
+from ..choices import Alpha, AudioMode, Backend, Blend, Depth, Device, Effect, Fit, KeptStreams, Lost, Playback
 from ..errors import InputError
 from ..importing.loading import load_track
 from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
@@ -114,6 +115,8 @@ class RenderingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     codec: str | UnsetType = UNSET
     crf: Annotated[float, Meta(ge=0, le=63)] | UnsetType = UNSET
     depth: Depth | UnsetType = UNSET
+    alpha: Alpha | UnsetType = UNSET
+    layer_codec: str | UnsetType = UNSET
     overwrite: bool | UnsetType = UNSET
 
 
@@ -125,6 +128,8 @@ class JobEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     input: str | UnsetType = UNSET
     output: str | UnsetType = UNSET
     save_track: str | UnsetType = UNSET
+    layer: str | UnsetType = UNSET
+    save_matte: str | UnsetType = UNSET
     tracking: TrackingEntry = msgspec.field(default_factory=TrackingEntry)
     rendering: RenderingEntry = msgspec.field(default_factory=RenderingEntry)
 
@@ -133,13 +138,14 @@ class Job:
     """A job file that was read.
 
     Attributes:
-        input, output, save_track: files, None where it does not name one.
+        input, output, save_track, layer, save_matte: files, None where it does not name one.
     """
 
     def __init__(self, path: Path, entry: JobEntry) -> None:
         self._path, self._entry = path, entry
-        self.input, self.output, self.save_track = (
-            None if name is UNSET else path.parent / name for name in (entry.input, entry.output, entry.save_track)
+        self.input, self.output, self.save_track, self.layer, self.save_matte = (
+            None if name is UNSET else path.parent / name
+            for name in (entry.input, entry.output, entry.save_track, entry.layer, entry.save_matte)
         )
 
     def surfaces_with(self, common: Mapping[str, Any], video: Path | str | None = None) -> list[Surface]:

@@ -42,6 +42,14 @@ def replace_parser() -> Parser:
     add("-o", "--output", help="video to write (default: INPUT.ar.mp4 beside the input)")
     add("--save-track", type=Path, metavar="JSON", help="also write the track; of several NAME.1.json ...")
     add(
+        "--layer",
+        type=Path,
+        metavar="OUT",
+        help="write what is laid on the video by itself, with alpha: .mov, .webm, .mkv, .webp, or pictures as "
+        "l.%%05d.png or .exr; with -o both, else it alone",
+    )
+    add("--save-matte", type=Path, metavar="OUT", help="write its alpha alone, white on black; likewise")
+    add(
         "--live",
         action="store_true",
         help="take frames as they come, dropping late ones, until Ctrl-C; -o is a file (default: live.mp4) or - for "
@@ -98,6 +106,8 @@ def replace_parser() -> Parser:
         help="bits a sample: 8, 10, 12; source: as many as it has, and its chroma; auto (default): as many, as "
         "far as the codec has them",
     )
+    add("--alpha", choices=CHOICES["alpha"], help="colours of the layer (default: straight; OpenEXR is premultiplied)")
+    add("--layer-codec", metavar="CODEC", help="prores4444, animation, ffv1 or vp9 (default: the container's usual)")
     _add_common(parser)
     return parser
 

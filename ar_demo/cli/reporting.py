@@ -45,7 +45,7 @@ def print_summary(result: Result) -> None:
     dropped = "" if result.dropped is None else f", {result.dropped} dropped"
     states = in_words(result.states) if len(result.surfaces) == 1 else counted(len(result.surfaces), "surface")
     print(
-        f"{result.output}: {counted(result.frames, 'frame')} ({states}), "
+        f"{', '.join(map(str, result.outputs))}: {counted(result.frames, 'frame')} ({states}), "
         f"{result.fps:.1f} frames/s{dropped}, {result.compositor}"
     )
     for number, surface in enumerate(result.surfaces if len(result.surfaces) > 1 else [], 1):

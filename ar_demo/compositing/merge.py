@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hdn.imaging.arrays import Array, Box, Floats, Image
+from hdn.imaging.arrays import Array, Box, Floats, Grey, Image
 from hdn.imaging.blur import blurred
 
 from ..choices import Blend
@@ -41,6 +41,7 @@ def merge(
     opacity: float = 1.0,
     blur: Array | None = None,
     occluder: Occluder | None = None,
+    cover: Grey | None = None,
 ) -> Box | None:
     """Lays a layer on a frame, in place.
 
@@ -51,6 +52,7 @@ def merge(
         opacity: 0..1, multiplies the layer's alpha.
         blur: (2, 2) px^2 of the frame, covariance of the Gaussian that the layer is blurred by.
         occluder: what lies over the layer, where there is one.
+        cover: (H, W) 0..1, how much of each pixel was covered by earlier layers; this one is added.
 
     Returns:
         The part of the frame that may have changed; None for none.
@@ -62,6 +64,8 @@ def merge(
     for tile, rgba in _tiles(layer):
         part = frame[tile]
         hiding = _Hiding.of(occluder, tile)
+        if cover is not None:
+            _cover(cover[tile], rgba, min(opacity, 1.0), hiding)
         if blend != "normal" or hiding is not None:
             _lay(part, rgba, blend, min(opacity, 1.0), hiding)
         elif opacity < 1 or not part.dtype == rgba.dtype == np.uint8:
@@ -156,6 +160,14 @@ def _lay(part: Frame, rgba: Image | Floats, blend: Blend, opacity: float, hiding
         colour = colour * (1 - hiding.share) + alpha * hiding.colour
     result = ground * (1 - opacity * alpha) + opacity * colour
     cv2.addWeighted(result, peak(part.dtype), result, 0, 0, dst=part, dtype=DEPTHS[part.dtype.name])
+
+
+def _cover(cover: Grey, rgba: Image | Floats, opacity: float, hiding: _Hiding | None) -> None:
+    """Adds what a layer (h, w, 4) takes of each pixel to what others take (h, w)."""
+    alpha = in_float(rgba[..., 3]) * np.float32(opacity)
+    if hiding is not None:
+        alpha = alpha * (1 - hiding.share[..., 0])
+    cover += alpha * (1 - cover)
 
 
 def _overlap(a: Box, b: Box) -> Box | None:

@@ -24,6 +24,7 @@ class Container:
     Attributes:
         muxer: FFmpeg's name.
         codec: the usual one in it, by its name in the table; deep: the usual one for more than 8 bits.
+        transparent: the usual one that holds transparency; None where there is none.
         sound: whether it holds sound.
         tick: seconds in which it tells times, where it leaves no choice.
         least_ticks: that a frame lasts; one that comes sooner is left out.
@@ -33,6 +34,7 @@ class Container:
     muxer: str
     codec: str = "h264"
     deep: str = "h265"  # of which players know 10 bits, unlike of H.264
+    transparent: str | None = None
     sound: bool = True
     tick: Fraction | None = None
     least_ticks: int = 0
@@ -44,13 +46,13 @@ _FAST_START = {"movflags": "+faststart"}  # plays while it loads
 CONTAINERS = {
     ".mp4": Container("mp4", options=_FAST_START),
     ".m4v": Container("mp4", options=_FAST_START),
-    ".mov": Container("mov", options=_FAST_START),
-    ".mkv": Container("matroska"),
-    ".webm": Container("webm", "vp9", "av1"),
+    ".mov": Container("mov", transparent="prores4444", options=_FAST_START),
+    ".mkv": Container("matroska", transparent="ffv1"),
+    ".webm": Container("webm", "vp9", "av1", "vp9"),
     # Players show a GIF's frame of 10 ms for 100 ms.
     ".gif": Container("gif", "gif", "gif", sound=False, tick=Fraction(1, 100), least_ticks=2),
     ".webp": Container(
-        "webp", "webp", "webp", sound=False, tick=Fraction(1, 1000), least_ticks=1, options={"loop": "0"}
+        "webp", "webp", "webp", "webp", sound=False, tick=Fraction(1, 1000), least_ticks=1, options={"loop": "0"}
     ),
 }
 
@@ -154,6 +156,30 @@ CODECS = (
     Codec("gif", "GIF", "gif", (".gif",), ("pal8",)),
     Codec("webp", "animated WebP", "libwebp_anim", (".webp",), ("bgra",), ("bgra",), options={"quality": "90"}),
 )
+# Pictures, each a file of an image sequence; by their endings.
+PICTURES = {
+    ".png": Codec("png", "PNG", "png", (".png",), ("rgb24", "rgb48be"), ("rgba64be",)),
+    ".exr": Codec(
+        "exr",
+        "OpenEXR",
+        "exr",
+        (".exr",),
+        ("gbrpf32le",),
+        transparent=("gbrapf32le",),
+        options={"format": "half", "compression": "zip16"},
+    ),
+} | dict.fromkeys(
+    (".tif", ".tiff"),
+    Codec(
+        "tiff",
+        "TIFF",
+        "tiff",
+        (".tif", ".tiff"),
+        ("rgb24", "rgb48le"),
+        transparent=("rgba64le",),
+        options={"compression_algo": "deflate"},
+    ),
+)
 _BY_NAME = {codec.name: codec for codec in CODECS}
 _BY_ENCODER = {codec.encoder: codec for codec in reversed(CODECS)}  # the first one of each
 # What an encoder that is not in the table may take.
@@ -166,6 +192,18 @@ def check_video_name(path: Path) -> None:
         raise InputError(f"{path}: output must end in one of {', '.join(CONTAINERS)}")
 
 
+def is_picture(path: Path) -> bool:
+    """Whether a name is that of a picture, or of a sequence of them."""
+    return path.suffix.lower() in PICTURES
+
+
+def picture_codec(path: Path) -> Codec:
+    """The codec of an image sequence of this name; raises InputError where it is none that we write."""
+    if not is_picture(path):
+        raise InputError(f"{path}: an image sequence must end in one of {', '.join(PICTURES)}")
+    return PICTURES[path.suffix.lower()]
+
+
 def holds_sound(path: Path) -> bool:
     """Whether a file of this name holds sound; one that no container has the ending of holds none."""
     container = CONTAINERS.get(path.suffix.lower())
@@ -176,7 +214,7 @@ def choose(path: Path, name: str | None, alpha: bool = False, depth: int = 8) ->
     """The codec that a video file is written with.
 
     Args:
-        path: with a container's ending.
+        path: with the ending of a container, or of a picture.
         name: of the codec in the table, or of FFmpeg's encoder; None takes the container's usual.
         alpha: whether it has to hold transparency.
         depth: bits per sample, by which the usual codec is chosen.
@@ -184,18 +222,22 @@ def choose(path: Path, name: str | None, alpha: bool = False, depth: int = 8) ->
     Raises:
         InputError: an unknown container or codec, or a codec that the container cannot hold.
     """
-    check_video_name(path)
     suffix = path.suffix.lower()
+    if is_picture(path):
+        if name is not None:
+            raise InputError(f"{suffix} has one way to be written: leave the codec {name} out")
+        return PICTURES[suffix]
+    check_video_name(path)
     codec = _usual(suffix, alpha, depth) if name is None else _named(name)
     if alpha and not codec.transparent:
-        raise InputError(f"{codec.title} holds no transparency: use {any_of(_transparent(suffix))} in {suffix}")
+        others = [other for other in CONTAINERS if _transparent(other)]
+        advice = f"choose {any_of(_transparent(suffix))}" if _transparent(suffix) else _ending(others)
+        raise InputError(f"{path}: {codec.title} holds no transparency: {advice}")
     if suffix not in codec.holders(alpha):
         with_alpha = " with transparency" if alpha else ""
-        raise InputError(
-            f"{path}: {suffix} cannot hold {codec.title}{with_alpha}: "
-            f"let the name end in {any_of(codec.holders(alpha)) or 'another container'}, "
-            f"or choose --codec {any_of(_transparent(suffix) if alpha else _held(suffix))}"
-        )
+        held = _transparent(suffix) if alpha else _held(suffix)
+        advice = _ending(codec.holders(alpha)) + (f", or choose {any_of(held)}" if held else "")
+        raise InputError(f"{path}: {suffix} cannot hold {codec.title}{with_alpha}: {advice}")
     return codec
 
 
@@ -247,16 +289,18 @@ def any_of(names: Iterable[str]) -> str:
     return f"{', '.join(others)} or {last}" if others else last
 
 
+def _ending(suffixes: Iterable[str]) -> str:
+    return f"let the name end in {any_of(suffixes) or 'another way'}"
+
+
 def _named(name: str) -> Codec:
     return _BY_NAME.get(name) or _BY_ENCODER.get(name) or _foreign(name)
 
 
 def _usual(suffix: str, alpha: bool, depth: int) -> Codec:
     container = CONTAINERS[suffix]
-    usual = _BY_NAME[container.codec if depth <= 8 else container.deep]
-    if not alpha or usual.transparent:
-        return usual
-    return next((_BY_NAME[name] for name in _transparent(suffix)), usual)
+    usual = container.codec if depth <= 8 else container.deep
+    return _BY_NAME[(container.transparent if alpha else None) or usual]
 
 
 def _held(suffix: str) -> list[str]:

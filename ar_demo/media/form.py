@@ -39,7 +39,7 @@ def form_of(output: Path, info: VideoInfo, depth: Depth, codec: str | None) -> F
     is asked for; else it becomes 4:2:0, for players often know nothing else in 8 bits.
 
     Args:
-        output: with a container's ending.
+        output: with the ending of a container or a picture.
         info: of the source.
         depth: bits as they are asked for.
         codec: as it is asked for; None for the container's usual, which depends on the bits.
@@ -48,6 +48,8 @@ def form_of(output: Path, info: VideoInfo, depth: Depth, codec: str | None) -> F
         InputError: an unknown container or codec, or a codec that the container cannot hold.
     """
     wanted = int(depth) if depth.isdigit() else info.depth
+    if codecs.is_picture(output):
+        return Form(codecs.choose(output, codec).name, wanted, None, info.colour)
     size = info.width, info.height
     chosen = codecs.choose(output, codec, depth=wanted)
     if codec is None and wanted > 8 and codecs.most_bits(chosen, wanted, *size) == 8:

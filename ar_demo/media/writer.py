@@ -27,6 +27,7 @@ from .color import BT709, RGB, Colour, FromRGB
 from .palette import ToPalette
 from .planes import Planes, plain
 from .streams import Streams
+from .transparency import FromRGBA
 
 log = logging.getLogger(__name__)
 
@@ -58,6 +59,7 @@ class VideoWriter:
         depth: int = 8,
         pixel_format: str | None = None,
         colour: Colour | None = None,
+        alpha: bool = False,
     ) -> None:
         """Begins a file.
 
@@ -75,22 +77,25 @@ class VideoWriter:
             depth: bits per sample in the file: 8, 10, 12 ...; whatever frames are of.
             pixel_format: FFmpeg's name of the source's, which is preferred where it has this depth and the codec takes
                 it; None takes 4:2:0 before others.
-            colour: of the source; kept where its pixel format is, else the file is in BT.709.
+            colour: of the source; kept where its pixel format is, or with alpha, else the file is in BT.709.
+            alpha: whether frames have transparency.
 
         Raises:
             InputError: the container or codec cannot do this; nothing has been written.
             RunError: the file cannot be begun.
         """
         self.path = path.path if isinstance(path, Claim) else Path(path)
-        chosen = codecs.choose(self.path, codec, depth=depth)
+        chosen = codecs.choose(self.path, codec, alpha, depth)
         suffix = self.path.suffix.lower()
         container = codecs.CONTAINERS[suffix]
         like = pixel_format and plain(pixel_format)
-        pix_fmt = codecs.pixel_format(chosen, suffix, width, height, depth, like)
+        pix_fmt = codecs.pixel_format(chosen, suffix, width, height, depth, like, alpha)
         if (width % 2 or height % 2) and pix_fmt.startswith("yuv444"):
             log.warning("odd size %dx%d is written as 4:4:4, which some players do not show", width, height)
-        if colour is None or pix_fmt != like:
-            colour = RGB if av.VideoFormat(pix_fmt).is_rgb or pix_fmt == "pal8" else BT709
+        if pix_fmt != like and (av.VideoFormat(pix_fmt).is_rgb or pix_fmt == "pal8"):
+            colour = RGB
+        elif colour is None or (pix_fmt != like and not alpha):
+            colour = BT709
 
         self._size = width, height
         self._rate = Fraction(rate)
@@ -98,7 +103,8 @@ class VideoWriter:
         self._least_ticks = container.least_ticks
         self._streams = streams
         self._form = pix_fmt, colour
-        self._from_rgb = ToPalette(width, height) if pix_fmt == "pal8" else FromRGB(pix_fmt, colour)
+        self._channels = 4 if alpha else 3
+        self._to_frame = _conversion(pix_fmt, colour, width, height, alpha)
         self._start: Fraction | None = None  # time of the first frame
         self._zero = Fraction(0)  # where the file begins, by the clock of the frames' times
         self._kept: Packet[VideoStream] | None = None
@@ -158,7 +164,8 @@ class VideoWriter:
         """Appends a frame.
 
         Args:
-            image: (height, width, 3) RGB, uint8 or uint16 in full scale; it may be changed afterwards.
+            image: (height, width, 3) RGB, uint8 or uint16 in full scale; it may be changed afterwards. With
+                transparency (height, width, 4), uint16, straight or premultiplied as the file is to have it.
             time: seconds, later than the frame before.
             duration: seconds; it matters for the last frame only, and None is 1 / rate.
             planes: what the image was made from. Where the file has its pixel format and colour, these samples are
@@ -169,10 +176,9 @@ class VideoWriter:
             ValueError: the frame is of another size or kind, or not later than the one before.
             RunError: writing failed.
         """
-        if image.shape != (self._size[1], self._size[0], 3) or image.dtype not in (np.uint8, np.uint16):
-            raise ValueError(
-                f"frame is {image.dtype} {image.shape}, not {(self._size[1], self._size[0], 3)} of 8 or 16 bits"
-            )
+        shape = self._size[1], self._size[0], self._channels
+        if image.shape != shape or image.dtype not in (np.uint8, np.uint16):
+            raise ValueError(f"frame is {image.dtype} {image.shape}, not {shape} of 8 or 16 bits")
         if self._start is None:
             self._start = time
             self._zero = time if self._streams is None else self._streams.begin(time)
@@ -186,10 +192,11 @@ class VideoWriter:
             return
         self._pts = pts
         self._count += 1
-        if planes is not None and (planes.pix_fmt, planes.colour) == self._form:
-            frame = planes.with_drawn(image, drawn, self._from_rgb)
+        convert = self._to_frame
+        if planes is not None and isinstance(convert, FromRGB) and (planes.pix_fmt, planes.colour) == self._form:
+            frame = planes.with_drawn(image, drawn, convert)
         else:
-            frame = self._from_rgb(image)
+            frame = convert(image)
         frame.time_base, frame.pts = self._time_base, pts
         frame.duration = round((duration or 1 / self._rate) / self._time_base)
         if self._streams is not None:
@@ -229,6 +236,8 @@ class VideoWriter:
         context.width, context.height, context.pix_fmt = width, height, pix_fmt
         context.time_base = self._time_base
         context.sample_aspect_ratio = pixel_aspect
+        if self._channels == 4 and codec.encoder == "libvpx-vp9":
+            stream.metadata["alpha_mode"] = "1"  # else players of WebM do not look for it
         context.flags |= Flags.frame_duration
         context.thread_type = "AUTO"
         if codec.encoder in ("libx265", "hevc_nvenc") and self._container.format.name in ("mp4", "mov"):
@@ -288,6 +297,13 @@ class VideoWriter:
 
     def _failed(self, error: Exception) -> RunError:
         return RunError(f"cannot write {self.path}: {reason_of(error)}")
+
+
+def _conversion(pix_fmt: str, colour: Colour, width: int, height: int, alpha: bool) -> FromRGB | FromRGBA | ToPalette:
+    """What makes frames of a pixel format of arrays."""
+    if alpha:
+        return FromRGBA(pix_fmt, colour)
+    return ToPalette(width, height) if pix_fmt == "pal8" else FromRGB(pix_fmt, colour)
 
 
 def _fine_time_base(rate: Fraction) -> Fraction:

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from hdn.imaging.arrays import Image, Picture
+from hdn.imaging.arrays import Grey, Image, Picture
 from hdn.networks.loading import load_matte
 from hdn.networks.matte import Matte
 
 from ..choices import Backend
 from ..compositing.compositor import Compositor, open_compositor
+from ..compositing.separation import Insert
 from ..errors import InputError
 from ..media.reader import Frame, VideoReader
 from ..scene.conditions import Appearance, Conditions
@@ -50,11 +51,11 @@ class _Drawn:
         lost, cut = track.states[index] == "lost", index in track.cuts
         return self._appearance.conditions(image, track.corners[index], float(track.deviation[index]), lost, cut)
 
-    def draw(self, frame: Frame, elapsed: Fraction, conditions: Conditions | None) -> None:
-        """Draws into the frame; elapsed: seconds since the video began."""
+    def draw(self, frame: Frame, elapsed: Fraction, conditions: Conditions | None, cover: Grey | None) -> None:
+        """Draws into the frame; elapsed: seconds since the video began. cover: see `Painter.draw`."""
         if frame.index < len(self._poses):
             pose, opacity = self._poses[frame.index], float(self._opacities[frame.index])
-            box = self.painter.draw(frame.image, pose, opacity, elapsed, conditions)
+            box = self.painter.draw(frame.image, pose, opacity, elapsed, conditions, cover)
             if box is not None:
                 frame.drawn.append(box)
 
@@ -102,12 +103,22 @@ class Renderer(AbstractContextManager["Renderer"]):
         """Frames of the longest track."""
         return max(len(drawn.track) for drawn in self._drawn)
 
-    def draw(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """Frames from the video, of 8 or 16 bits, with the ads on them: they are drawn into in place, and say where."""
-        zero = self._reader.times[0]
+    def draw(self, frames: Iterable[Frame], apart: bool = False) -> Iterator[tuple[Frame, Insert | None]]:
+        """Frames from the video, of 8 or 16 bits, with the ads on them: they are drawn into in place, and say where.
+
+        Args: apart: whether what was laid on them comes beside them, by itself.
+        """
         for frame in frames:
-            image = in_8_bits(frame.image)
-            seen = [drawn.conditions(frame.index, image) for drawn in self._drawn]  # before anything is drawn
-            for drawn, conditions in zip(self._drawn, seen, strict=True):
-                drawn.draw(frame, frame.time - zero, conditions)
-            yield frame
+            if not apart:
+                self._draw(frame)
+                yield frame, None
+                continue
+            before, cover = frame.image.copy(), np.zeros(frame.image.shape[:2], np.float32)
+            self._draw(frame, cover)
+            yield frame, Insert.of(before, frame.image, cover, frame.drawn)
+
+    def _draw(self, frame: Frame, cover: Grey | None = None) -> None:
+        image, elapsed = in_8_bits(frame.image), frame.time - self._reader.times[0]
+        seen = [drawn.conditions(frame.index, image) for drawn in self._drawn]  # before anything is drawn
+        for drawn, conditions in zip(self._drawn, seen, strict=True):
+            drawn.draw(frame, elapsed, conditions, cover)

@@ -7,7 +7,7 @@ from fractions import Fraction
 import cv2
 import numpy as np
 
-from hdn.imaging.arrays import Array, Box, Floats, Picture
+from hdn.imaging.arrays import Array, Box, Floats, Grey, Picture
 from hdn.imaging.homography import from_corners
 from hdn.imaging.quads import outline
 
@@ -59,7 +59,13 @@ class Painter(AbstractContextManager["Painter"]):
         self._lit: tuple[Picture, Light, Floats] | None = None  # a picture, a light, and the picture in this light
 
     def draw(
-        self, image: Frame, pose: Array, strength: float, time: Fraction, conditions: Conditions | None = None
+        self,
+        image: Frame,
+        pose: Array,
+        strength: float,
+        time: Fraction,
+        conditions: Conditions | None = None,
+        cover: Grey | None = None,
     ) -> Box | None:
         """Draws into a frame (H, W, 3), in place.
 
@@ -68,6 +74,7 @@ class Painter(AbstractContextManager["Painter"]):
             strength: 0..1, the opacity.
             time: seconds since the ad began.
             conditions: under which the surface is seen; None draws an ad as it is.
+            cover: (H, W) 0..1, how much of each pixel is covered already; this is added.
 
         Returns:
             The part of the frame that may have changed; None for none.
@@ -80,7 +87,7 @@ class Painter(AbstractContextManager["Painter"]):
         if layer is None:
             return None
         blur, occluder = (conditions.blur, conditions.occluder) if conditions else (None, None)
-        return merge(image, layer, self.surface.blend, strength, blur, occluder)
+        return merge(image, layer, self.surface.blend, strength, blur, occluder, cover)
 
     def layer(self, image: Frame, pose: Array, time: Fraction, light: Light | None = None) -> Layer | None:
         """What is to be laid on a frame (H, W, 3); None where there is nothing to see. See `draw`."""

@@ -61,6 +61,10 @@ OPTIONS: dict[str, list[str]] = {
     "crf": ["--crf", "30"],
     "codec": ["--codec", "libx265"],
     "depth": ["--depth", "source"],
+    "layer": ["--layer", "l.mov"],
+    "save_matte": ["--save-matte", "m.%04d.png"],
+    "alpha": ["--alpha", "premultiplied"],
+    "layer_codec": ["--layer-codec", "animation"],
     "overwrite": ["--overwrite"],
 }
 OF_BOTH = (
@@ -97,8 +101,10 @@ def done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     def surfaces(given: Any) -> list[Any]:
         return [(vars(s) | {"track": s.track is not None}) for s in ([given] if isinstance(given, Surface) else given)]
 
-    def replace(input: Any, given: Any, output: Any, tracking: Any, options: Any, bar: Any, save_track: Any) -> Result:
-        asked.append(("replace", input, surfaces(given), output, tracking, options, save_track))
+    def replace(
+        input: Any, given: Any, output: Any, tracking: Any, options: Any, bar: Any, save_track: Any, **others: Any
+    ) -> Result:
+        asked.append(("replace", input, surfaces(given), output, tracking, options, (save_track, others)))
         return Result(Path("o.mp4"), 1, {}, 1.0, "", surfaces=[{}])
 
     class Live:

@@ -284,7 +284,7 @@ def test_ctrl_c_leaves_no_broken_file(
 
 
 def test_what_nobody_foresaw_is_one_line_too(run: Run, clip: Path, ad: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*args: object) -> None:
+    def broken(*args: object, **others: object) -> None:
         raise ZeroDivisionError("somewhere deep")
 
     monkeypatch.setattr(commands, "replace", broken)
@@ -335,3 +335,25 @@ def test_a_picture_that_moves_has_no_sound_and_that_is_said(
     assert ".gif holds no sound: it is left out" in err
     assert out.read_bytes().startswith(b"GIF89a")
     assert list(tmp_path.iterdir()) == [out]
+
+
+def test_a_layer_and_pictures_in_one_pass(
+    run: Run, clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path
+) -> None:
+    outputs = ["-o", tmp_path / "o.%03d.png", "--layer", tmp_path / "l.mov", "--save-matte", tmp_path / "m.mp4"]
+    usual = [clip, ad, *quad_arguments(truth[0]), "--end", 3, *outputs, "--backend", "opencv", "--json"]
+    code, printed, err = run(*usual)
+    assert code == 0, err
+    assert ".png holds no sound: it is left out" in err
+    summary = json.loads(printed)
+    assert [summary[name] for name in ("output", "layer", "matte", "frames")] == [*map(str, outputs[1::2]), 4]
+    names = ["l.mov", "m.mp4", *(f"o.{number:03d}.png" for number in range(4))]
+    assert sorted(file.name for file in tmp_path.iterdir()) == names
+    picture = cv2.cvtColor(cv2.imread(str(tmp_path / "o.003.png")), cv2.COLOR_BGR2RGB)
+    assert redness(picture, truth[3]) > 150
+    code, _, err = run(*usual)
+    assert code == 2
+    assert "o.000.png exists already" in err
+    code, _, err = run(*usual, "--overwrite", "--end", 1)
+    assert code == 0, err
+    assert len(list(tmp_path.iterdir())) == 4

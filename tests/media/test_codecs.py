@@ -73,10 +73,10 @@ def test_animated_pictures(suffix: str, rate: int, tmp_path: Path, caplog: pytes
 @pytest.mark.parametrize(
     ("name", "codec", "said"),
     [
-        ("a.mp4", "prores", ".mp4 cannot hold ProRes 422: let the name end in .mov or .mkv, or choose --codec h264"),
-        ("a.webm", "h264", "let the name end in .mp4, .m4v, .mov or .mkv, or choose --codec av1 or vp9"),
+        ("a.mp4", "prores", ".mp4 cannot hold ProRes 422: let the name end in .mov or .mkv, or choose h264"),
+        ("a.webm", "h264", "let the name end in .mp4, .m4v, .mov or .mkv, or choose av1 or vp9"),
         ("a.mkv", "dnxhr", "let the name end in .mov"),
-        ("a.gif", "h265", "choose --codec gif"),
+        ("a.gif", "h265", "choose gif"),
         ("a.webm", "mpeg4", "let the name end in .mp4, .m4v, .mov or .mkv"),
         ("a.avi", None, "must end in one of .mp4"),
         ("a.mp4", "h268", "try h264, h265, av1"),
