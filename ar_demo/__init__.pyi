@@ -4,6 +4,7 @@ from .export.formats import Exporter
 from .export.keys import Keys
 from .importing.loading import load_track
 from .live import LiveSession
+from .media.sequences import ImageSequence
 from .options import OutputOptions, TrackingOptions
 from .pipeline import replace, track
 from .progress import Progress
@@ -16,6 +17,7 @@ from .tracks import Track
 __all__ = [
     "ExportOptions",
     "Exporter",
+    "ImageSequence",
     "InputError",
     "Keyframe",
     "Keys",

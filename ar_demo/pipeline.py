@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace as changed
+from glob import has_magic
 from pathlib import Path
 
 from hdn.imaging.arrays import Image
@@ -11,7 +12,9 @@ from hdn.imaging.arrays import Image
 from .errors import InputError, RunError, Stopped
 from .media.claims import check_different, free_name
 from .media.codecs import check_video_name
+from .media.numbering import Numbering
 from .media.pictures import check_picture_name, write_picture
+from .media.sequences import SUFFIXES, ImageSequence
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, silent
 from .results import Result
@@ -22,7 +25,7 @@ from .tracks import Track
 
 
 def replace(
-    input: Path | str,
+    input: Path | str | ImageSequence,
     surfaces: Surface | Sequence[Surface],
     output: Path | str | None = None,
     tracking: TrackingOptions | None = None,
@@ -35,7 +38,7 @@ def replace(
     """Puts ads on the surfaces of a video in one pass; later ones are drawn over earlier ones.
 
     Args:
-        input: the video.
+        input: the video, or pictures; see `Session`.
         surfaces: one or several, each with its quad or with a track made earlier.
         output: the video to write; None writes beside the input, as INPUT.ar.mp4, where neither layer nor matte is.
         tracking, options: how to track, and how to draw and write.
@@ -91,7 +94,7 @@ def _kept(tracks: Sequence[Track], files: Sequence[Path], output: Path) -> str:
 
 
 def track(
-    input: Path | str,
+    input: Path | str | ImageSequence,
     surface: Surface,
     tracking: TrackingOptions | None = None,
     listen: Listener = silent,
@@ -169,9 +172,22 @@ KEPT = "{}.track.json"  # a track's file, by the name of the output that it was 
 
 
 def default_output(input: Path) -> Path:
-    """INPUT.ar.mp4 beside the input; the container stays where it is one that we write."""
+    """INPUT.ar.mp4 beside the input; the container stays where it is one that we write; a lone picture makes a PNG."""
     suffix = input.suffix.lower() if input.suffix.lower() in (".mp4", ".mov", ".mkv", ".webm") else ".mp4"
-    return input.with_name(f"{input.stem}.ar{suffix}")
+    if input.is_file() and input.suffix.lower() in SUFFIXES:
+        suffix = ".png"
+    return beside(input, f".ar{suffix}")
+
+
+def beside(input: Path, ending: str) -> Path:
+    """A name beside an input, or beside the folder of pictures that have no name in common: its own, and an ending."""
+    if input.is_dir():
+        return input.resolve().with_name(f"{input.resolve().name}{ending}")
+    numbering = None if input.exists() else Numbering.parse(input)
+    stem = numbering.head.rstrip(" ._-") if numbering is not None else input.stem
+    if not stem or (not input.exists() and has_magic(stem)):
+        return beside(input.parent, ending)
+    return input.with_name(f"{stem}{ending}")
 
 
 def track_files(path: Path, count: int) -> list[Path]:

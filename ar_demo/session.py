@@ -14,7 +14,7 @@ from .errors import InputError
 from .media.claims import Claim, check_name, claimed
 from .media.codecs import holds_sound, is_picture
 from .media.reader import IndexDropped, VideoReader
-from .media.sequences import pictures_of
+from .media.sequences import ImageSequence, pictures_of
 from .media.streams import Streams
 from .media.threads import ahead, behind
 from .media.writer import VideoWriter
@@ -52,8 +52,11 @@ class Session(AbstractContextManager["Session"]):
             session.render(surfaces, "out.mp4")
     """
 
-    def __init__(self, input: Path | str, listen: Listener = silent, make_tracker: MakeTracker | None = None) -> None:
+    def __init__(
+        self, input: Path | str | ImageSequence, listen: Listener = silent, make_tracker: MakeTracker | None = None
+    ) -> None:
         """Args:
+            input: the video; or pictures, see `ImageSequence.find`.
             listen: called after each frame.
             make_tracker: makes a tracker for each surface; None makes HDN's, as the options for tracking say.
 
@@ -160,7 +163,7 @@ class Session(AbstractContextManager["Session"]):
         streams = self._streams(surfaces, outputs, options, end)
         with (
             OutputWriters(outputs, info, options, streams) as writer,
-            VideoReader(self.reader.path, depth=16 if writer.is_deep else 8) as reader,
+            VideoReader(self.reader.source, depth=16 if writer.is_deep else 8) as reader,
             Renderer(self.reader, surfaces, options.backend) as renderer,
             ahead(until(reader.frames(), end, self.reader.times[0])) as frames,
             behind(writer.write) as write,
@@ -280,7 +283,7 @@ def ends_warnings(tracks: Sequence[Track], frames: int) -> list[str]:
     ]
 
 
-def check_output(output: Path, options: OutputOptions, *inputs: Path | str | None) -> None:
+def check_output(output: Path, options: OutputOptions, *inputs: Path | str | ImageSequence | None) -> None:
     """Raises InputError where the output may not be written: it is an input, or `check_name` refuses it."""
     given = [Path(source) for source in inputs if source is not None]
     check_not_read([output], given, output)
@@ -298,7 +301,9 @@ def check_not_read(files: Iterable[Path], inputs: Iterable[Path], output: Path) 
 
 
 @contextmanager
-def claimed_output(output: Path | str | Claim, options: OutputOptions, *inputs: Path | str | None) -> Iterator[Claim]:
+def claimed_output(
+    output: Path | str | Claim, options: OutputOptions, *inputs: Path | str | ImageSequence | None
+) -> Iterator[Claim]:
     """An output's claim for as long as the context lasts; one that was made earlier stays its owner's.
 
     Raises:
@@ -312,7 +317,7 @@ def claimed_output(output: Path | str | Claim, options: OutputOptions, *inputs: 
 
 @contextmanager
 def claimed_outputs(
-    names: Sequence[Path | str | Claim | None], options: OutputOptions, *inputs: Path | str | None
+    names: Sequence[Path | str | Claim | None], options: OutputOptions, *inputs: Path | str | ImageSequence | None
 ) -> Iterator[Outputs]:
     """The outputs of a rendering: the video, the layer and the matte, None for what is not written; see above.
 

@@ -12,8 +12,9 @@ from ..export.exporting import export_track
 from ..importing.loading import load_track
 from ..live import LiveSession
 from ..media.claims import check_different
+from ..media.sequences import ImageSequence, parse_rate
 from ..options import OutputOptions, TrackingOptions
-from ..pipeline import replace, track
+from ..pipeline import beside, replace, track
 from ..results import Result
 from ..session import claimed_output
 from ..surface import ADS_ALONE, Keyframe, Moment, Surface, parse_polygon, parse_quad
@@ -37,6 +38,8 @@ def replace_command(given: Namespace) -> int:
     input = _either("input", given, job.input if job else None)
     if input is None:
         raise InputError("name the video: ar-replace VIDEO AD --quad ...")
+    if "live" not in given:
+        input = _source(input, _either("fps", given, job.fps if job else None))
     tracking = TrackingOptions(**(job.tracking_options() if job else {}) | _of(TrackingOptions, given))
     options = OutputOptions(**(job.output_options() if job else {}) | _of(OutputOptions, given))
     surfaces = _surfaces(given, job, input)
@@ -62,16 +65,17 @@ def track_command(given: Namespace) -> int:
     log = set_up_logging("quiet" in given)
     check_applicable(given)
     exports, export_options = exports_of(given)
-    [surface] = _surfaces(given, None, given.input)
+    input = _source(given.input, getattr(given, "fps", None))
+    [surface] = _surfaces(given, None, input)
     _check_tracked(given, [surface])
-    output = given.output if "output" in given else given.input.with_name(f"{given.input.stem}.track.json")
+    output = given.output if "output" in given else beside(given.input, ".track.json")
     options = OutputOptions(**_of(OutputOptions, given))
     pictures = {name: getattr(given, name) for name in ("save_map", "save_steady") if name in given}
     check_different([output, *pictures.values(), *exports])
     with ExitStack() as held, Bar("quiet" in given) as bar:
         claims = [held.enter_context(claimed_output(file, options, given.input)) for file in exports]
         tracking = TrackingOptions(**_of(TrackingOptions, given))
-        result = track(given.input, surface, tracking, bar, options=options, save_track=output, **pictures)
+        result = track(input, surface, tracking, bar, options=options, save_track=output, **pictures)
         warnings = result.warnings
         if exports:
             warnings = [*warnings, *export_track(result, claims, getattr(given, "format", ()), export_options)]
@@ -113,7 +117,12 @@ def _of(kind: type, given: Namespace) -> dict[str, Any]:
     return values
 
 
-def _surfaces(given: Namespace, job: Job | None, input: Path | str) -> list[Surface]:
+def _source(input: Path | str, fps: str | float | None) -> Path | str | ImageSequence:
+    """The video, or the pictures, that an input names."""
+    return ImageSequence.find(input, None if fps is None else parse_rate(fps)) or input
+
+
+def _surfaces(given: Namespace, job: Job | None, input: Path | str | ImageSequence) -> list[Surface]:
     """The surfaces of the input in whichever way they are given: --quad or --track, --surface, --job."""
     values = _of(Surface, given)
     if "track" in values:

@@ -29,6 +29,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 from ..choices import Alpha, AudioMode, Backend, Blend, Depth, Device, Effect, Fit, KeptStreams, Lost, Playback
 from ..errors import InputError
 from ..importing.loading import load_track
+from ..media.sequences import ImageSequence
 from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
 
 SCHEMA = Path(__file__).with_name("job.schema.json")
@@ -66,7 +67,9 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     effect: Effect | UnsetType = UNSET
     flat: bool | UnsetType = UNSET
 
-    def surface(self, folder: Path, common: Mapping[str, Any], video: Path | str | None = None) -> Surface:
+    def surface(
+        self, folder: Path, common: Mapping[str, Any], video: Path | str | ImageSequence | None = None
+    ) -> Surface:
         """The surface of a video; `common` has what is not said here.
 
         Raises:
@@ -126,6 +129,7 @@ class JobEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     version: Literal[1]
     surfaces: Annotated[list[SurfaceEntry], Meta(min_length=1)]
     input: str | UnsetType = UNSET
+    fps: Annotated[float, Meta(gt=0)] | str | UnsetType = UNSET  # of an image sequence
     output: str | UnsetType = UNSET
     save_track: str | UnsetType = UNSET
     layer: str | UnsetType = UNSET
@@ -139,16 +143,20 @@ class Job:
 
     Attributes:
         input, output, save_track, layer, save_matte: files, None where it does not name one.
+        fps: of an image sequence, None where it does not say.
     """
 
     def __init__(self, path: Path, entry: JobEntry) -> None:
         self._path, self._entry = path, entry
+        self.fps = None if entry.fps is UNSET else entry.fps
         self.input, self.output, self.save_track, self.layer, self.save_matte = (
             None if name is UNSET else path.parent / name
             for name in (entry.input, entry.output, entry.save_track, entry.layer, entry.save_matte)
         )
 
-    def surfaces_with(self, common: Mapping[str, Any], video: Path | str | None = None) -> list[Surface]:
+    def surfaces_with(
+        self, common: Mapping[str, Any], video: Path | str | ImageSequence | None = None
+    ) -> list[Surface]:
         """The surfaces of a video; `common` has what they do not say, by the names of `Surface`'s fields.
 
         Raises:

@@ -37,7 +37,12 @@ def replace_parser() -> Parser:
         f"Corners are pixels, x right and y down, in the frame that --start names. {STATUSES}",
     )
     add = parser.add_argument
-    add("input", nargs="?", help="the video; with --live a camera (0, /dev/video0), a URL, or a file")
+    add(
+        "input",
+        nargs="?",
+        help="the video, or pictures: a folder, in.%%05d.png, a glob in quotes; with --live a camera (0, /dev/video0), "
+        "a URL, or a file",
+    )
     add("ad", nargs="?", help="video, image or animated image; not needed by some effects")
     add("-o", "--output", help="video to write (default: INPUT.ar.mp4 beside the input)")
     add("--save-track", type=Path, metavar="JSON", help="also write the track; of several NAME.1.json ...")
@@ -115,7 +120,7 @@ def replace_parser() -> Parser:
 def track_parser() -> Parser:
     """Of ar-track."""
     parser = _parser("ar-track", "Track a planar surface of a video and write the track as JSON.", STATUSES)
-    parser.add_argument("input", type=Path, help="the video")
+    parser.add_argument("input", type=Path, help="the video, or pictures: a folder, in.%%05d.png, a glob in quotes")
     parser.add_argument("-o", "--output", type=Path, help="track file to write (default: INPUT.track.json)")
     add = parser.add_argument
     add("--save-map", type=Path, metavar="PNG", help="also write a picture of the plane, put together from the video")
@@ -188,6 +193,7 @@ def _add_tracking(parser: Parser, use_of_track: str) -> None:
     )
     add("--end", metavar="WHEN", help="last frame; later ones are left out")
     add("--smooth", type=float, metavar="X", help="0 off, 1 by the track's noise (default), more is stronger")
+    add("--fps", metavar="N", help="frames a second of an image sequence: 24, 23.976, 30000/1001 (default: 25)")
     add("--device", choices=CHOICES["device"], help="what runs the networks (default: auto)")
     add("--weights", type=Path, help="another weights file (.safetensors)")
 

@@ -12,6 +12,7 @@ from hdn.state import State
 
 from ..errors import InputError
 from ..media.reader import VideoReader
+from ..media.sequences import ImageSequence
 from ..tracks import Source, Track
 from . import after_effects, csv_table, nuke
 from .curves import Corners
@@ -21,7 +22,7 @@ log = logging.getLogger(__name__)
 DEVIATION = 1.0  # px, what corners of another program are taken to be off by
 
 
-def load_track(path: Path | str, video: Path | str | None, first_frame: int | None = None) -> Track:
+def load_track(path: Path | str, video: Path | str | ImageSequence | None, first_frame: int | None = None) -> Track:
     """Reads a track file; or corners of another program, which get the times of the video.
 
     Nuke's CornerPin2D, After Effects' keys of Corner Pin and CC Power Pin, and tables as `ar-export` writes them are

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from hdn.imaging.arrays import Picture
 
+from .floats import from_float, is_float
+
 _ACCURATE_RND, _FULL_CHROMA = 0x40000, 0x2000  # SWS_ACCURATE_RND and SWS_FULL_CHR_H_INT, which PyAV 17 does not name
 _TO_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND | _FULL_CHROMA
 _FROM_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND
@@ -88,8 +90,8 @@ def is_hdr(frame: av.VideoFrame) -> bool:
 
 
 def depth_of(frame: av.VideoFrame) -> int:
-    """Bits per sample (8, 10, 12 ...) of the picture as it is coded."""
-    return max(component.bits for component in frame.format.components)
+    """Bits per sample (8, 10, 12 ...) of the picture as it is coded; 16 of floating point."""
+    return min(max(component.bits for component in frame.format.components), 16)
 
 
 def rotation_of(frame: av.VideoFrame) -> int:
@@ -117,7 +119,9 @@ class ToRGB:
             (H, W, 3 or 4), uint8 or uint16, writable and C-contiguous.
         """
         width, height = size or (frame.width, frame.height)
-        if self._form == "rgb48":
+        if is_float(frame):
+            image = from_float(frame, width, height, deep=self._form == "rgb48")
+        elif self._form == "rgb48":
             image = self._deep(frame, width, height)
         else:
             image = self._reformat(frame, width, height, self._form, ColorRange.JPEG)

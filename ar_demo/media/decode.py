@@ -12,6 +12,7 @@ from av.container import InputContainer
 from av.video.stream import VideoStream
 
 from ..errors import InputError
+from .sequences import ImageSequence
 
 # FFmpeg opens pictures and even plain text as "video"; none of these is a clip.
 _NOT_CLIP_FORMATS = {"tty", "image2", "lrc", "srt", "ass", "webvtt"}
@@ -19,12 +20,35 @@ _NOT_CLIP_FORMATS = {"tty", "image2", "lrc", "srt", "ass", "webvtt"}
 _ALPHA_DECODERS = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
 
-def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
-    """Opens a clip and picks its first picture stream. The caller closes the container.
+def open_video(source: Path | ImageSequence) -> tuple[InputContainer, VideoStream]:
+    """Opens a clip, or pictures, and picks its first picture stream. The caller closes the container.
 
     Raises:
         InputError: the file is missing, cannot be read, is no video, or has no picture stream.
     """
+    container = _open_pictures(source) if isinstance(source, ImageSequence) else _open_clip(source)
+    try:
+        streams = [s for s in container.streams.video if not s.disposition & av.stream.Disposition.attached_pic]
+        if not streams:
+            raise InputError(f"{source} has no video stream: give a file with pictures in it")
+        stream = streams[0]
+        if stream.codec_context is None:
+            raise InputError(f"{source} uses a video codec that this FFmpeg cannot decode: convert it to H.264 first")
+    except BaseException:
+        container.close()
+        raise
+    stream.codec_context.thread_type = "AUTO"
+    return container, stream
+
+
+def _open_pictures(pictures: ImageSequence) -> InputContainer:
+    try:
+        return pictures.open()
+    except (av.FFmpegError, OSError, ValueError) as error:
+        raise InputError(f"{pictures.files[0]} is not a picture that FFmpeg can read, or is damaged") from error
+
+
+def _open_clip(path: Path) -> InputContainer:
     if not path.exists():
         raise InputError(f"{path} does not exist: check the file name")
     if not path.is_file():
@@ -37,20 +61,10 @@ def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
         raise InputError(f"{path} cannot be read: check its permissions") from error
     except (av.FFmpegError, OSError, ValueError) as error:
         raise InputError(f"{path} is not a video that FFmpeg can read, or is damaged at its start") from error
-    try:
-        if container.format.name in _NOT_CLIP_FORMATS or container.format.name.endswith("_pipe"):
-            raise InputError(f"{path} is not a video: give an MP4, MOV, MKV, WebM, AVI or another video file")
-        streams = [s for s in container.streams.video if not s.disposition & av.stream.Disposition.attached_pic]
-        if not streams:
-            raise InputError(f"{path} has no video stream: give a file with pictures in it")
-        stream = streams[0]
-        if stream.codec_context is None:
-            raise InputError(f"{path} uses a video codec that this FFmpeg cannot decode: convert it to H.264 first")
-    except BaseException:
+    if container.format.name in _NOT_CLIP_FORMATS or container.format.name.endswith("_pipe"):
         container.close()
-        raise
-    stream.codec_context.thread_type = "AUTO"
-    return container, stream
+        raise InputError(f"{path} is not a video: give an MP4, MOV, MKV, WebM, AVI or another video file")
+    return container
 
 
 def has_alpha(stream: VideoStream) -> bool:

@@ -7,11 +7,12 @@ from pathlib import Path
 import av
 
 from .decode import open_video
+from .sequences import ImageSequence
 
 EVERY = 16  # of so many compressed pictures one is looked at whole; of the others, at how long they are
 
 
-def fingerprint(path: Path, frames: int) -> str:
+def fingerprint(source: Path | ImageSequence, frames: int) -> str:
     """32 hexadecimal digits of a video's first compressed pictures, which stay as they are in another container.
 
     Args:
@@ -21,7 +22,7 @@ def fingerprint(path: Path, frames: int) -> str:
         InputError: the file cannot be read.
     """
     total = hashlib.sha256()
-    container, stream = open_video(path)
+    container, stream = open_video(source)
     with container:
         try:
             pictures = (packet for packet in container.demux(stream) if packet.size)

@@ -11,6 +11,7 @@ from pathlib import Path
 import av
 
 from .decode import frame_rate, open_video
+from .sequences import ImageSequence
 
 log = logging.getLogger(__name__)
 
@@ -32,6 +33,12 @@ class Index:
     keys: list[int] = field(default_factory=list)
     targets: list[int | None] = field(default_factory=list)
     whole: bool = False
+
+    @staticmethod
+    def of_pictures(count: int, rate: Fraction) -> Index:
+        """Of pictures, each of which is a key frame and has its number as timestamp."""
+        numbers = range(count)
+        return Index([*numbers], [number / rate for number in numbers], [*numbers], [*numbers], whole=True)
 
     def __len__(self) -> int:
         return len(self.pts)
@@ -59,8 +66,8 @@ class Index:
         return Index(self.pts[:count], self.times[:count], self.keys[:keys], self.targets[:keys])
 
 
-def demux(path: Path) -> Index | None:
-    """Reads a video's packets, without decoding them, into an index of its frames.
+def demux(source: Path | ImageSequence) -> Index | None:
+    """Reads a video's packets, without decoding them, into an index of its frames; of pictures it is known already.
 
     Frames that an edit list hides are left out, as decoding leaves them out. That each packet gives one frame cannot
     be known without decoding: whoever decodes compares.
@@ -72,7 +79,9 @@ def demux(path: Path) -> Index | None:
     Raises:
         InputError: as `open_video`.
     """
-    container, stream = open_video(path)
+    if isinstance(source, ImageSequence):
+        return Index.of_pictures(len(source.files), source.rate)
+    container, stream = open_video(source)
     with container:
         base = stream.time_base or 1 / frame_rate(stream)
         by_pts = "matroska" in container.format.name  # whose seeking goes by pts; all others' goes by dts
@@ -101,6 +110,6 @@ def demux(path: Path) -> Index | None:
             reason = "packets share timestamps"
         index.append(pts, pts * base, key, target)
     if reason or not found:
-        log.info("%s cannot be searched by its packets (%s): it is decoded from the start", path.name, reason)
+        log.info("%s cannot be searched by its packets (%s): it is decoded from the start", source.name, reason)
         return None
     return index

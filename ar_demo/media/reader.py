@@ -24,6 +24,7 @@ from .decode import Clock, decode, frame_rate, open_video, stream_duration
 from .fingerprint import fingerprint
 from .index import Index, demux
 from .planes import Planes, can_be_kept
+from .sequences import ImageSequence
 
 log = logging.getLogger(__name__)
 
@@ -109,32 +110,36 @@ class VideoReader(AbstractContextManager["VideoReader"]):
     first needed; wherever decoding does not agree with it, the file is decoded from the start instead.
 
     Attributes:
-        path: the file.
+        path: the file, or what its pictures are called by.
+        source: the file or the pictures, which others can read as well.
         info: what it says of itself.
         warnings: what is wrong with the file but does not stop the reading (logged as well).
         fingerprint: of its first frames, as many as given, see `media.fingerprint`; worked out once.
     """
 
-    def __init__(self, path: Path | str, depth: Literal[8, 16] = 8) -> None:
+    def __init__(self, path: Path | str | ImageSequence, depth: Literal[8, 16] = 8) -> None:
         """Opens a video and decodes its first frame.
 
         Args:
-            path: the file.
+            path: the file; or pictures, see `ImageSequence.find`.
             depth: bits per sample of the frames: 8 gives uint8; 16 gives uint16 in full scale, without going through 8.
 
         Raises:
             InputError: the file is missing, unreadable, no video, or has no picture that can be decoded.
         """
+        pictures = path if isinstance(path, ImageSequence) else ImageSequence.find(path)
         self.path = Path(path)
+        self.source: Path | ImageSequence = pictures or self.path
         self.warnings: list[str] = []
         self._form: Literal["rgb24", "rgb48"] = "rgb24" if depth == 8 else "rgb48"
         self._containers: list[InputContainer] = []
+        self._promised: Fraction | None = None  # the picture's length in seconds, as the header has it
         self._index = Index()
         self._confirmed = 0  # its first frames that decoding from the start has given
         self._relied = -1  # the highest number not confirmed by which a frame was given out
         self._demuxed = False
         self._lock, self._demuxing = Lock(), Lock()  # iterations may run in several threads
-        self.fingerprint = cache(partial(fingerprint, self.path))
+        self.fingerprint = cache(partial(fingerprint, self.source))
         self.info = self._probe()
 
     def __exit__(self, *error: object) -> None:
@@ -231,7 +236,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         return info
 
     def _open(self) -> tuple[InputContainer, VideoStream]:
-        container, stream = open_video(self.path)
+        container, stream = open_video(self.source)
         self._containers.append(container)
         return container, stream
 
@@ -328,7 +333,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
             if self._demuxed:
                 return
             self._demuxed = True
-            found = demux(self.path)
+            found = demux(self.source)
             with self._lock:
                 known = self._index
                 count = None if known.whole else len(known)

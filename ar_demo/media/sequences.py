@@ -26,14 +26,43 @@ class ImageSequence:
     """Pictures that are shown one after the other.
 
     Attributes:
+        path: what they are called by.
         files: in their order.
         rate: frames per second.
         numbering: of the files, where they are numbered without gaps; None where they come in the order of their names.
     """
 
+    path: Path
     files: tuple[Path, ...]
     rate: Fraction
     numbering: Numbering | None
+
+    @staticmethod
+    def find(path: Path | str, rate: Fraction | None = None) -> ImageSequence | None:
+        """The pictures that an input's name stands for; None where it is that of a video file.
+
+        Args:
+            path: a picture, a folder of pictures, a name with a place for a number (see `Numbering`), or a glob.
+            rate: frames per second; None takes 25, which the log says.
+
+        Raises:
+            InputError: no pictures, of several kinds, or one is missing; a rate for what is no sequence.
+        """
+        path = Path(path)
+        files = _files(path)
+        if files is None:
+            if rate is not None:
+                raise InputError(f"--fps is for image sequences, and {path} is none: leave it out")
+            return None
+        if rate is None and len(files) > 1:
+            log.info("%s: its %d pictures are taken at %d frames a second; --fps says otherwise", path, len(files), 25)
+        return ImageSequence(path, tuple(files), rate or DEFAULT_RATE, _numbering(files))
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    def __fspath__(self) -> str:
+        return str(self.path)
 
     def open(self) -> InputContainer:
         """The pictures as FFmpeg reads them; raises what PyAV does."""
@@ -48,26 +77,6 @@ class ImageSequence:
         return av.open(name, format="image2", options=options | {"framerate": str(self.rate)})
 
 
-def find_sequence(path: Path, rate: Fraction | None = None) -> ImageSequence | None:
-    """The pictures that an input's name stands for; None where it is that of a video file.
-
-    Args:
-        path: a picture, a folder of pictures, a name with a place for a number (see `Numbering`), or a glob.
-        rate: frames per second; None takes 25, which the log says.
-
-    Raises:
-        InputError: no pictures, of several kinds, or one is missing; a rate for what is no sequence.
-    """
-    files = _files(path)
-    if files is None:
-        if rate is not None:
-            raise InputError(f"--fps is for image sequences, and {path} has its own times: leave it out")
-        return None
-    if rate is None and len(files) > 1:
-        log.info("%s: its %d pictures are taken at %d frames a second; --fps says otherwise", path, len(files), 25)
-    return ImageSequence(tuple(files), rate or DEFAULT_RATE, _numbering(files))
-
-
 def pictures_of(path: Path) -> list[Path]:
     """The pictures that there are of a sequence's name, with gaps or without; none where it is another name."""
     numbering = None if path.exists() else Numbering.parse(path)
@@ -75,7 +84,23 @@ def pictures_of(path: Path) -> list[Path]:
         return [numbering.file(number) for number in numbering.numbers()]
     if path.is_dir():
         return [file for file in path.iterdir() if file.suffix.lower() in SUFFIXES]
-    return [Path(name) for name in glob.glob(str(path))] if glob.has_magic(str(path)) and not path.exists() else []
+    return _matching(path) if glob.has_magic(str(path)) and not path.exists() else []
+
+
+def parse_rate(text: str | float) -> Fraction:
+    """Frames per second: 24, '23.976' (24000/1001), '30000/1001'.
+
+    Raises:
+        InputError: no such number.
+    """
+    try:
+        rate = Fraction(str(text))
+    except (ValueError, ZeroDivisionError):
+        rate = Fraction(0)
+    if not Fraction(1, 1000) <= rate <= 1000:
+        raise InputError(f"fps '{text}' is no frame rate: give a number, as 24, 23.976 or 30000/1001")
+    of_television = Fraction(round(rate * 1001 / 1000) * 1000, 1001)
+    return of_television if abs(rate - of_television) < Fraction(1, 200) else rate
 
 
 def _files(path: Path) -> list[Path] | None:
@@ -97,8 +122,15 @@ def _files(path: Path) -> list[Path] | None:
             )
         return [numbering.file(number) for number in numbers]
     if glob.has_magic(str(path)):
-        return _of_one_kind(path, [Path(name) for name in glob.glob(str(path))])
+        return _of_one_kind(path, _matching(path))
     return None
+
+
+def _matching(pattern: Path) -> list[Path]:
+    """The files that a glob stands for; in a folder that is there nothing of its name is a pattern."""
+    if pattern.parent.is_dir():
+        return list(pattern.parent.glob(pattern.name))
+    return [Path(name) for name in glob.glob(str(pattern))]
 
 
 def _of_one_kind(path: Path, files: list[Path]) -> list[Path]:

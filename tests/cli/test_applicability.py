@@ -61,6 +61,7 @@ OPTIONS: dict[str, list[str]] = {
     "crf": ["--crf", "30"],
     "codec": ["--codec", "libx265"],
     "depth": ["--depth", "source"],
+    "fps": ["--fps", "24"],
     "layer": ["--layer", "l.mov"],
     "save_matte": ["--save-matte", "m.%04d.png"],
     "alpha": ["--alpha", "premultiplied"],
@@ -68,6 +69,7 @@ OPTIONS: dict[str, list[str]] = {
     "overwrite": ["--overwrite"],
 }
 OF_BOTH = (
+    "fps",
     "first_frame",
     "quad",
     "snap",
