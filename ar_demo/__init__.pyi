@@ -10,7 +10,7 @@ from .pipeline import replace, track
 from .progress import Progress
 from .results import Result
 from .session import Session
-from .surface import Keyframe, Moment, Surface, parse_quad
+from .surface import Keyframe, Moment, Span, Surface, parse_quad
 from .tracking.protocol import PlanarTracker
 from .tracks import Track
 
@@ -29,6 +29,7 @@ __all__ = [
     "Result",
     "RunError",
     "Session",
+    "Span",
     "Stopped",
     "Surface",
     "Track",

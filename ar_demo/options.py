@@ -5,7 +5,7 @@ from pathlib import Path
 
 from .choices import Alpha, AudioMode, Backend, Depth, Device, KeptStreams
 from .errors import InputError
-from .surface import Moment, check_choices, check_not_negative
+from .surface import Moment, Span, check_choices, check_not_negative
 
 
 @dataclass(frozen=True)
@@ -14,6 +14,8 @@ class TrackingOptions:
 
     Attributes:
         end: the last frame; later ones are left out of track and output.
+        time: the only part that is tracked and drawn on; the rest is copied. Unless a surface says where its quad is,
+            that is in the first frame of this.
         smooth: 1 takes motion for as smooth as the clip shows; more for smoother; 0 for anything, but in gaps.
         device: what runs the networks.
         weights: another weights file than the shipped one.
@@ -23,6 +25,7 @@ class TrackingOptions:
     """
 
     end: Moment = field(default_factory=Moment)
+    time: Span | None = None
     smooth: float = 1.0
     device: Device = "auto"
     weights: Path | None = None
@@ -30,6 +33,13 @@ class TrackingOptions:
     def __post_init__(self) -> None:
         check_choices(self)
         check_not_negative("smooth", self.smooth)
+        if self.time is not None and self.end != Moment():
+            raise InputError("time and end do not go together: time has an end of its own")
+
+    @property
+    def last(self) -> Moment:
+        """The last frame that is tracked."""
+        return self.end if self.time is None else self.time.end or Moment()
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,9 @@ from .rendering.painting import check_ad
 from .rendering.steady import SteadyView
 from .results import Result, total
 from .stopping import StopSignal
-from .surface import FIRST, Moment, Surface
+from .surface import FIRST, Moment, Span, Surface
 from .tracking.corrections import needs_correction
-from .tracking.moments import is_within, until
+from .tracking.moments import index_of, is_within, until
 from .tracking.passes import Passes
 from .tracking.protocol import MakeTracker, hdn_trackers
 from .tracks import Track
@@ -92,6 +92,8 @@ class Session(AbstractContextManager["Session"]):
         for surface in surfaces:
             if surface.track is not None:
                 check_belongs_to(surface.track, self.reader)
+        if options.time is not None:
+            surfaces = [_within(surface, options.time) for surface in surfaces]
         return self._numbered_rightly(lambda: self._track(surfaces, options))
 
     def _track(self, surfaces: Sequence[Surface], options: TrackingOptions) -> list[Surface]:
@@ -205,6 +207,7 @@ class Session(AbstractContextManager["Session"]):
             options.streams,
             options.location,
             next((time for i, time in enumerate(times) if not is_within(end, i, time - times[0])), None),
+            (Fraction(0), None) if heard.track is None else heard.track.seconds,
         )
 
     def steady(self, track: Track, output: Path | str | Claim, options: OutputOptions | None = None) -> None:
@@ -279,8 +282,27 @@ def ends_warnings(tracks: Sequence[Track], frames: int) -> list[str]:
         f"{f'surface {number}: ' if len(tracks) > 1 else ''}the track ends with frame {len(track) - 1}, and the video "
         f"with frame {frames - 1}: what comes after the track is copied as it is"
         for number, track in enumerate(tracks, 1)
-        if len(track) < frames
+        if len(track) < frames and track.span is None
     ]
+
+
+def _within(surface: Surface, time: Span) -> Surface:
+    """The surface with its track, if it has one, as far as it is within a span.
+
+    Raises:
+        InputError: there is nothing of the track.
+    """
+    track = surface.track
+    if track is None:
+        return surface
+    elapsed = [at - track.times[0] for at in track.times]
+    begin = index_of(time.begin or FIRST, track.times)
+    within = [
+        i for i, at in enumerate(elapsed) if begin is not None and i >= begin and is_within(time.end or Moment(), i, at)
+    ]
+    if not within:
+        raise InputError(f"the track has no frame in the time {time}: name another")
+    return changed(surface, track=track.within(within[0], within[-1]))
 
 
 def check_output(output: Path, options: OutputOptions, *inputs: Path | str | ImageSequence | None) -> None:

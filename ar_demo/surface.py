@@ -59,6 +59,31 @@ class Moment:
 FIRST = Moment(frame=0)
 
 
+@dataclass(frozen=True)
+class Span:
+    """A part of a video, both of its ends included; None for the video's own."""
+
+    begin: Moment | None = None
+    end: Moment | None = None
+
+    @classmethod
+    def parse(cls, text: "str | Span") -> "Span":
+        """Reads '10s..20s', '250..500', '10s..' or '..20s'.
+
+        Raises:
+            InputError: not two moments, see `Moment.parse`, or one.
+        """
+        if isinstance(text, Span):
+            return text
+        begin, dots, end = text.partition("..")
+        if not dots or not (begin or end):
+            raise InputError(f"'{text}' is no span of time: give one as in 10s..20s, 250..500, 10s.. or ..20s")
+        return cls(Moment.parse(begin) if begin else None, Moment.parse(end) if end else None)
+
+    def __str__(self) -> str:
+        return f"{self.begin or 'the beginning'} to {self.end or 'the end'}"
+
+
 def parse_quad(points: Any) -> Array:
     """Four corners to a quad (4, 2), px.
 

@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from copy import deepcopy
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
@@ -59,6 +60,7 @@ class Track:
         keyframes: corners (4, 2) given by hand, by the frame's index; the track passes through them.
         cuts: indices of frames that begin another shot than the one before them.
         region: where in the reference frame tracking may look.
+        span: first and last frame that are of interest; None for all. Outside it nothing is tracked and drawn.
     """
 
     source: Source
@@ -73,15 +75,30 @@ class Track:
     keyframes: dict[int, Array] = field(default_factory=dict)
     cuts: list[int] = field(default_factory=list)
     region: Region = EVERYWHERE
+    span: tuple[int, int] | None = None
 
     def __len__(self) -> int:
         return len(self.states)
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many frames are in each state."""
-        counts = Counter(self.states)
+        """How many frames of the span are in each state."""
+        counts = Counter(self.states[self.inside])
         return {state: counts[state] for state in STATES}
+
+    @property
+    def inside(self) -> slice:
+        """The frames of the span."""
+        return slice(None) if self.span is None else slice(self.span[0], self.span[1] + 1)
+
+    @property
+    def seconds(self) -> tuple[Fraction, Fraction | None]:
+        """When the span begins and ends, seconds from the first frame; None where it goes on to the video's end."""
+        if self.span is None:
+            return Fraction(0), None
+        first, last = self.span
+        end = self.times[last + 1] if last + 1 < len(self) else self.times[last] + 1 / self.source.fps
+        return self.times[first] - self.times[0], end - self.times[0]
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -92,6 +109,15 @@ class Track:
     def given(self) -> dict[int, Array]:
         """Corners (4, 2) that are not measured but given: those of the reference frame and of the keyframes."""
         return {self.reference_frame: self.quad, **self.keyframes}
+
+    def within(self, first: int, last: int) -> "Track":
+        """The same where the frames from first to last are of interest, and all others are lost."""
+        track, n = deepcopy(self), len(self)
+        track.span = first, min(last, n - 1)
+        for index in {*range(n)} - {*range(n)[track.inside]}:
+            track.corners[index], track.states[index] = np.nan, "lost"
+            track.confidence[index], track.deviation[index] = 0.0, np.inf
+        return track
 
     def homography(self, index: int) -> Array | None:
         """Reference-frame pixels to those of frame `index`, (3, 3); None where there is no pose."""
@@ -145,6 +171,7 @@ class Track:
             "keyframes": [{"frame": i, "corners": self.keyframes[i].tolist()} for i in sorted(self.keyframes)],
             "cuts": self.cuts,
             "region": None if self.region.include is None else self.region.include.tolist(),
+            "span": self.span,
             "exclude": [polygon.tolist() for polygon in self.region.exclude],
             "warnings": self.warnings,
             "frames": frames,
@@ -215,7 +242,17 @@ def _parse(content: dict[str, Any]) -> Track:
         keyframes,
         cuts=[int(c) for c in content.get("cuts", [])],
         region=_region(content),
+        span=_span(content, len(frames)),
     )
+
+
+def _span(content: dict[str, Any], frames: int) -> tuple[int, int] | None:
+    if content.get("span") is None:
+        return None
+    first, last = map(int, content["span"])
+    if not 0 <= first <= last < frames:
+        raise ValueError(f"span from {first} to {last}, where there are {frames} frames")
+    return first, last
 
 
 def _region(content: dict[str, Any]) -> Region:

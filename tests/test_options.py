@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ar_demo.options import OutputOptions, TrackingOptions
-from ar_demo.surface import Keyframe, Moment, Surface, parse_quad
+from ar_demo.surface import Keyframe, Moment, Span, Surface, parse_quad
 from hdn.errors import InputError
 
 
@@ -104,3 +104,27 @@ def test_refuses_values_out_of_range(kind: type, wrong: dict[str, Any]) -> None:
 def test_an_effect_refuses_what_it_has_no_use_for(given: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=f"{next(iter(given))} does nothing with effect blur"):
         Surface(effect="blur", **given)
+
+
+@pytest.mark.parametrize(
+    ("text", "begin", "end"),
+    [
+        ("10s..20s", Moment(time=Fraction(10)), Moment(time=Fraction(20))),
+        ("250..0:20.5", Moment(frame=250), Moment(time=Fraction(41, 2))),
+        ("10..", Moment(frame=10), None),
+        ("..10", None, Moment(frame=10)),
+    ],
+)
+def test_a_span(text: str, begin: Moment | None, end: Moment | None) -> None:
+    assert Span.parse(text) == Span(begin, end)
+
+
+@pytest.mark.parametrize("text", ["10s", "..", "10-20", "a..b", "1..2..3"])
+def test_what_is_no_span(text: str) -> None:
+    with pytest.raises(InputError, match=r"span|neither a frame"):
+        Span.parse(text)
+
+
+def test_a_span_has_its_own_end() -> None:
+    with pytest.raises(InputError, match="time and end"):
+        TrackingOptions(end=Moment(frame=3), time=Span.parse("1.."))

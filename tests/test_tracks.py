@@ -104,6 +104,8 @@ def test_a_file_without_them_loads_as_before(track: Track, tmp_path: Path) -> No
         ({"keyframes": [{"frame": 1, "corners": [[1, 2]]}]}, "damaged"),
         ({"quad": [[1, 2]]}, "damaged"),
         ({"region": [[1, 2], [3, 4]]}, "three corners"),
+        ({"span": [2, 9]}, "span from 2 to 9"),
+        ({"span": 3}, "damaged"),
         ({"exclude": [[[1, 1], [9, 9], [9, 1], [1, 9]]]}, "crosses itself"),
         ({"exclude": [5]}, "three corners"),
         ({"frames": []}, "damaged"),
@@ -134,3 +136,12 @@ def test_leaves_nothing_behind_where_it_cannot_write(track: Track, tmp_path: Pat
     with pytest.raises(InputError, match="is a folder"):
         track.save(target)
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_span_is_kept(track: Track, tmp_path: Path) -> None:
+    part = track.within(1, 9)
+    assert (part.span, track.span) == ((1, 2), None)
+    assert (part.counts, part.known.tolist()) == ({"tracked": 0, "held": 1, "lost": 1}, [False, True, False])
+    assert part.seconds == (Fraction(1001, 30000), Fraction(3 * 1001, 30000))
+    part.save(tmp_path / "t.json")
+    assert Track.load(tmp_path / "t.json").span == (1, 2)

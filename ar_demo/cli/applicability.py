@@ -39,6 +39,8 @@ RULES = (
     Rule(("quad", "snap", "start", "end", "region", "exclude"), "--track", _has("track"), "the track has its own"),
     Rule(("first_frame",), "--job", _has("job"), "give it beside each track in the job file"),
     Rule(("track", "keyframe"), "--live", _has("live"), "frames are seen once, as they come"),
+    Rule(("end",), "--time", _has("time"), "it has an end of its own"),
+    Rule(("time",), "--live", _has("live"), "frames are seen once, as they come"),
     Rule(("save_track",), "--live", _has("live"), "live tracks are not kept"),
     Rule(("fps",), "--live", _has("live"), "frames have the times at which they come"),
     Rule(("layer", "save_matte", "alpha", "layer_codec"), "--live", _has("live"), "a live output is a video alone"),

@@ -17,7 +17,7 @@ from ..options import OutputOptions, TrackingOptions
 from ..pipeline import beside, replace, track
 from ..results import Result
 from ..session import claimed_output
-from ..surface import ADS_ALONE, Keyframe, Moment, Surface, parse_polygon, parse_quad
+from ..surface import ADS_ALONE, Keyframe, Moment, Span, Surface, parse_polygon, parse_quad
 from ..tracking.corrections import needs_correction
 from ..words import counted
 from .applicability import STDOUT, check_applicable, flag
@@ -108,6 +108,8 @@ def _of(kind: type, given: Namespace) -> dict[str, Any]:
     for name in ("start", "end"):
         if name in values:
             values[name] = Moment.parse(values[name])
+    if "time" in values:
+        values["time"] = Span.parse(values["time"])
     if "quad" in values:
         values["quad"] = parse_quad(values["quad"])
     if "region" in values:

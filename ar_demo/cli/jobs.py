@@ -30,7 +30,7 @@ from ..choices import Alpha, AudioMode, Backend, Blend, Depth, Device, Effect, F
 from ..errors import InputError
 from ..importing.loading import load_track
 from ..media.sequences import ImageSequence
-from ..surface import Keyframe, Moment, Surface, parse_polygon, parse_quad
+from ..surface import Keyframe, Moment, Span, Surface, parse_polygon, parse_quad
 
 SCHEMA = Path(__file__).with_name("job.schema.json")
 
@@ -103,6 +103,7 @@ class TrackingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     """How the surfaces are tracked; the fields are those of `TrackingOptions`."""
 
     end: When | UnsetType = UNSET
+    time: str | UnsetType = UNSET  # as "10s..20s"
     smooth: NotNegative | UnsetType = UNSET
     device: Device | UnsetType = UNSET
     weights: str | UnsetType = UNSET
@@ -175,6 +176,8 @@ class Job:
         given = _given(self._entry.tracking)
         if "end" in given:
             given["end"] = Moment.parse(given["end"])
+        if "time" in given:
+            given["time"] = Span.parse(given["time"])
         if "weights" in given:
             given["weights"] = self._path.parent / given["weights"]
         return given

@@ -192,6 +192,7 @@ def _add_tracking(parser: Parser, use_of_track: str) -> None:
         help="corners in another frame, which the track passes through; may be repeated",
     )
     add("--end", metavar="WHEN", help="last frame; later ones are left out")
+    add("--time", metavar="A..B", help="track, and draw on, this part only, as 10s..20s or 250..; the rest is copied")
     add("--smooth", type=float, metavar="X", help="0 off, 1 by the track's noise (default), more is stronger")
     add("--fps", metavar="N", help="frames a second of an image sequence: 24, 23.976, 30000/1001 (default: 25)")
     add("--device", choices=CHOICES["device"], help="what runs the networks (default: auto)")

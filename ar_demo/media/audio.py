@@ -146,6 +146,15 @@ def silence(seconds: Fraction, form: Form) -> Samples:
     return np.zeros((form.channels, round(max(seconds, Fraction(0)) * form.rate)), np.float32)
 
 
+def first_samples(blocks: Iterator[Samples], count: int) -> Iterator[Samples]:
+    """The first samples, as many as given, of blocks (channels, n)."""
+    for block in blocks:
+        yield block[:, :count]
+        count -= block.shape[1]
+        if count <= 0:
+            return
+
+
 def ad_samples(path: Path, index: int, form: Form, loop: bool, warn: Warn) -> Iterator[Samples]:
     """An ad's sound from its first picture on; a looped ad's begins again exactly when its picture does."""
     if not loop:

@@ -17,7 +17,7 @@ from av.stream import AttachmentStream, Disposition, Stream
 from av.video.stream import VideoStream
 
 from ..choices import AudioMode, KeptStreams, Playback
-from .audio import Encode, Form, Samples, ad_samples, first_heard, form_for, samples, silence
+from .audio import Encode, Form, Samples, ad_samples, first_heard, first_samples, form_for, samples, silence
 from .carried import COPIED_SOUND, COPIED_SUBTITLES, ENCODED_SUBTITLES, TEXT_SUBTITLES, codec_name, takes
 from .copying import Copy, Feed, Still, Subtitles, attached_picture
 from .metadata import carry_chapters, carry_stream_tags, carry_tags
@@ -48,6 +48,7 @@ class Streams:
         keep: KeptStreams = "all",
         location: bool = True,
         end: Fraction | None = None,
+        ad_time: tuple[Fraction, Fraction | None] = (Fraction(0), None),
     ) -> None:
         """Looks which of the files have sound; one that is asked for but has none is gone on without, with a warning.
 
@@ -60,10 +61,11 @@ class Streams:
             keep: whether all streams of the source go along, or its first sound alone; titles and chapters always do.
             location: whether the place where the source was taken goes along.
             end: seconds on the source's clock where the output ends, None for its end.
+            ad_time: seconds from the first picture where the ad begins and ends; None for the output's end.
         """
         self.warnings: list[str] = []
         self._source, self._keep, self._location, self._end = source, keep, location, end
-        self._mode = audio
+        self._mode, self._ad_time = audio, ad_time
         self._heard = _sound(source) if audio in ("source", "mix") else None
         self._ad = ad if audio in ("ad", "mix") and ad and _sound(ad) is not None else None
         if audio == "mix" and self._heard is None:
@@ -203,10 +205,12 @@ class Streams:
         )
 
     def _ad_sound(self, start: Fraction) -> Iterator[Samples]:
-        """The ad's sound, which begins with the first picture."""
-        ad = cast(Path, self._ad)
+        """The ad's sound, which begins with the ad."""
+        ad, (begin, end) = cast(Path, self._ad), self._ad_time
         sound = ad_samples(ad, cast(int, _sound(ad)), Form(), self._loop, self._warn)
-        return itertools.chain([silence(self._picture - start, Form())], sound)
+        if end is not None:
+            sound = first_samples(sound, round((end - begin) * Form().rate))
+        return itertools.chain([silence(self._picture + begin - start, Form())], sound)
 
     def _attach_subtitles(self, output: OutputContainer, stream: Stream) -> str | None:
         muxer, name = output.format.name, codec_name(stream)

@@ -37,6 +37,7 @@ class _Drawn:
         self.track = track
         self.painter = Painter(surface, track.quad, (reader.info.width, reader.info.height), compositor)
         self._poses, self._opacities = presentation(track, surface)
+        self._begin, _ = track.seconds
         self._appearance: Appearance | None = None
         if surface.in_scene:
             at = track.reference_frame
@@ -46,7 +47,7 @@ class _Drawn:
     def conditions(self, index: int, image: Image) -> Conditions | None:
         """Under which the surface is seen in a frame (H, W, 3) of this index; None where nothing is told."""
         track = self.track
-        if self._appearance is None or index >= len(track):
+        if self._appearance is None or index not in range(len(track))[track.inside]:
             return None
         lost, cut = track.states[index] == "lost", index in track.cuts
         return self._appearance.conditions(image, track.corners[index], float(track.deviation[index]), lost, cut)
@@ -55,7 +56,7 @@ class _Drawn:
         """Draws into the frame; elapsed: seconds since the video began. cover: see `Painter.draw`."""
         if frame.index < len(self._poses):
             pose, opacity = self._poses[frame.index], float(self._opacities[frame.index])
-            box = self.painter.draw(frame.image, pose, opacity, elapsed, conditions, cover)
+            box = self.painter.draw(frame.image, pose, opacity, elapsed - self._begin, conditions, cover)
             if box is not None:
                 frame.drawn.append(box)
 

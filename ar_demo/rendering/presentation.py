@@ -18,10 +18,13 @@ def presentation(track: Track, surface: Surface) -> tuple[Array, NDArray[np.floa
 
     Wherever the surface's pose is known the ad is there in full: what it replaces never shines through. While the
     surface is lost the ad keeps its last pose. It fades out there (`lost='fade'`), goes at once ('hide'), or stays and
-    glides to where the surface is found again, so that it never jumps ('hold'). A cut ends all of that.
+    glides to where the surface is found again, so that it never jumps ('hold'). A cut ends all of that. Outside the
+    track's span there is no ad.
     """
     poses = track.corners.copy()
-    shown = track.known
+    inside = np.zeros(len(track), bool)
+    inside[track.inside] = True
+    shown = track.known & inside
     times = np.array([float(t) for t in track.times])
     opacity = shown.astype(np.float64)
     for start, stop in segments((~shown).tolist(), track.cuts):
@@ -37,4 +40,4 @@ def presentation(track: Track, surface: Surface) -> tuple[Array, NDArray[np.floa
                 poses[start:stop] += (poses[stop] - poses[start:stop]) * ease
         elif surface.lost == "fade" and leaves:
             opacity[start:stop] = 1 - (times[start:stop] - times[start - 1]) / FADE_SECONDS
-    return poses, np.clip(opacity, 0, 1) * surface.opacity
+    return poses, np.where(inside, np.clip(opacity, 0, 1) * surface.opacity, 0)

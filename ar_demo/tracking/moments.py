@@ -8,8 +8,9 @@ from hdn.imaging.quads import area, is_convex
 
 from ..errors import InputError
 from ..media.reader import Frame, VideoReader
+from ..options import TrackingOptions
 from ..stopping import StopSignal
-from ..surface import Keyframe, Moment, Surface
+from ..surface import FIRST, Keyframe, Moment, Surface
 from ..words import counted
 
 
@@ -28,15 +29,20 @@ def index_of(moment: Moment, times: Sequence[Fraction]) -> int | None:
     return next((i for i, time in enumerate(times) if moment.reached(i, time - times[0])), None)
 
 
-def starts(reader: VideoReader, surfaces: Sequence[Surface], end: Moment, stop: StopSignal) -> list[int]:
-    """Indices of the surfaces' reference frames.
+def starts(
+    reader: VideoReader, surfaces: Sequence[Surface], options: TrackingOptions, stop: StopSignal
+) -> tuple[list[int], int]:
+    """Indices of the surfaces' reference frames, and of the first frame that is to be tracked.
 
     Where the file has no index, it is decoded as far as the latest frame that the surfaces name.
 
     Raises:
-        InputError: one of these is beyond the end.
+        InputError: one of these is beyond the end, or outside the span of interest.
     """
-    named = [("start", s.start) for s in surfaces] + [("keyframe", k.at) for s in surfaces for k in s.keyframes]
+    first, end = (options.time and options.time.begin) or FIRST, options.last
+    at = [first if surface.start is FIRST else surface.start for surface in surfaces]
+    named = [("time", first), *(("start", moment) for moment in at)]
+    named += [("keyframe", keyframe.at) for surface in surfaces for keyframe in surface.keyframes]
     zero = reader.times[0]
     if not reader.seekable:
         for frame in until(stop.watch(reader.frames()), end, zero):
@@ -48,7 +54,13 @@ def starts(reader: VideoReader, surfaces: Sequence[Surface], end: Moment, stop: 
             raise InputError(
                 f"{name} ({moment}) is beyond the end: {reader.path} has {counted(len(times), 'frame')} up to there"
             )
-    return [index_of(surface.start, times) or 0 for surface in surfaces]
+    begin = index_of(first, times) or 0
+    for name, moment in named:
+        if (index_of(moment, times) or 0) < begin:
+            raise InputError(
+                f"{name} ({moment}) is before the time that is tracked, {options.time}: name a frame in it"
+            )
+    return [index_of(moment, times) or 0 for moment in at], begin
 
 
 def keyframes_of(keyframes: Sequence[Keyframe], quad: Array, start: int, times: Sequence[Fraction]) -> dict[int, Array]:

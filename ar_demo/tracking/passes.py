@@ -23,7 +23,7 @@ from ..stopping import StopSignal
 from ..surface import Keyframe, Surface
 from ..tracks import Source, Track
 from .corrections import merged_keyframes, not_passed
-from .moments import keyframes_of, starts, until
+from .moments import is_within, keyframes_of, starts, until
 from .protocol import MakeTracker, PlanarTracker
 from .runs import Run, backward_runs, fixes_of, forward_runs, gap_runs
 from .solution import blank, is_uncertain, solve
@@ -76,6 +76,7 @@ class Passes:
 
     Attributes:
         cuts: indices of the frames found so far that begin another shot.
+        first: index of the first frame that is to be tracked.
     """
 
     def __init__(
@@ -89,9 +90,10 @@ class Passes:
         self.reader, self.make_tracker, self.options = reader, make_tracker, options
         self.listen, self.stop = listen, stop
         self.cuts: set[int] = set()
+        self.first = 0
 
     def track(self, surfaces: Sequence[Surface]) -> list[Track]:
-        """Tracks surfaces from their quads, from the video's first frame to `options.end`.
+        """Tracks surfaces from their quads, in the frames that the options say.
 
         Returns:
             The tracks: the joint solution of all that was measured.
@@ -121,11 +123,12 @@ class Passes:
             Stopped: somebody asked to.
         """
         track, n, start = deepcopy(track), len(track), track.reference_frame
+        self.first = 0 if track.span is None else track.span[0]
         track.keyframes = merged_keyframes(track, keyframes)
         changed = not_passed(track, track.keyframes)
         forward, back = (
             [run for run in runs if run.anchor in changed or run.stop in changed]
-            for runs in (forward_runs(track.given), backward_runs(track.given))
+            for runs in (forward_runs(track.given), backward_runs(track.given, self.first))
         )
         anew = np.zeros(n, bool)
         for run in (*forward, *back):
@@ -145,7 +148,7 @@ class Passes:
         return track
 
     def _targets(self, surfaces: Sequence[Surface]) -> list[Target]:
-        found = starts(self.reader, surfaces, self.options.end, self.stop)
+        found, self.first = starts(self.reader, surfaces, self.options, self.stop)
         seen = {start: self._observation(start) for start in set(found)}
         targets = []
         for surface, start in zip(surfaces, found, strict=True):
@@ -172,9 +175,10 @@ class Passes:
         info, times = self.reader.info, self.reader.times[:length]
         path, mark = str(self.reader.path), self.reader.fingerprint(length)
         source = Source(path, info.width, info.height, info.rate, length, mark, info.pixel_aspect)
+        span = None if self.options.time is None else (self.first, length - 1)
         for target in targets:
-            target.track = blank(source, target.start, target.quad, list(times), target.keyframes)
-        self._back(targets, forward, [backward_runs(target.given) for target in targets], prefix)
+            target.track = blank(source, target.start, target.quad, list(times), target.keyframes, span)
+        self._back(targets, forward, [backward_runs(target.given, self.first) for target in targets], prefix)
         for target in targets:
             target.known.cuts = sorted(self.cuts)
             solve(target.known, target.runs, self.options.smooth)
@@ -221,14 +225,17 @@ class Passes:
         with ahead(self.reader.frames(first, stop)) as read:
             frames = self.stop.watch(read)
             if stop is None:
-                frames = until(frames, self.options.end, self.reader.times[0])
+                frames = until(frames, self.options.last, self.reader.times[0])
             return sweep(frames, followers, self.cuts, show)
 
     def _total(self, first: int, stop: int | None) -> int | None:
         """Frames that a pass goes through, or all of the video's for one to the end, as far as that is known."""
         if stop is not None:
             return stop - first
-        return len(self.reader.times) if self.reader.seekable else self.reader.info.frames
+        if not self.reader.seekable:
+            return self.reader.info.frames
+        times = self.reader.times
+        return sum(is_within(self.options.last, i, time - times[0]) for i, time in enumerate(times))
 
     def _back(
         self, targets: Sequence[Target], forward: Sequence[list[Run]], back: Sequence[list[Run]], prefix: str = ""
@@ -248,9 +255,9 @@ class Passes:
         gaps = []
         for target, runs in zip(targets, back, strict=True):
             first = min(target.given)
-            to_beginning = any(run.anchor == first and run.stop == 0 and not run.fills for run in runs)
+            to_beginning = any(run.anchor == first and run.stop == self.first and not run.fills for run in runs)
             fixes = fixes_of(target.runs, target.given)
-            gaps.append(gap_runs(fixes, 0, first, backward=False) if to_beginning else [])
+            gaps.append(gap_runs(fixes, self.first, first, backward=False) if to_beginning else [])
         if stops := [run.stop or 0 for runs in gaps for run in runs]:
             first = min(run.anchor for runs in gaps for run in runs)
             self._forward(targets, gaps, first, max(stops) + 1, prefix + "fill gaps")

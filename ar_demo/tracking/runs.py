@@ -55,11 +55,11 @@ def forward_runs(known: dict[int, Array]) -> list[Run]:
     return [Run(a, known[a], b) for a, b in zip(anchors, [*anchors[1:], None], strict=True)]
 
 
-def backward_runs(known: dict[int, Array]) -> list[Run]:
-    """From each known pose to the one before, and from the first to the video's beginning."""
+def backward_runs(known: dict[int, Array], first: int = 0) -> list[Run]:
+    """From each known pose to the one before, and from the first to frame `first`, the video's beginning."""
     anchors = sorted(known)
     runs = [Run(b, known[b], a) for a, b in pairwise(anchors)]
-    return runs if anchors[0] == 0 else [Run(anchors[0], known[anchors[0]], 0), *runs]
+    return runs if anchors[0] <= first else [Run(anchors[0], known[anchors[0]], first), *runs]
 
 
 def gap_runs(fixes: dict[int, Array], first: int, last: int, backward: bool) -> list[Run]:

@@ -40,11 +40,18 @@ class PieceModel:
 MODEL = PieceModel()
 
 
-def blank(source: Source, start: int, quad: Array, times: list[Fraction], keyframes: dict[int, Array]) -> Track:
+def blank(
+    source: Source,
+    start: int,
+    quad: Array,
+    times: list[Fraction],
+    keyframes: dict[int, Array],
+    span: tuple[int, int] | None = None,
+) -> Track:
     """A track of which nothing is known but the reference frame and the keyframes."""
     n = len(times)
     track = Track(source, start, quad, times, np.full((n, 4, 2), np.nan), ["lost"] * n, np.zeros(n), np.full(n, np.inf))
-    track.keyframes = keyframes
+    track.keyframes, track.span = keyframes, span
     _fix(track)
     return track
 
@@ -98,14 +105,17 @@ def solve(
     _fix(track)
     disagrees = ((record.states == TRACKED) & record.measured).any(0)[:n] & ~agrees
     kept = [warning for warning in track.warnings if not warning.startswith("frames ")]
-    track.warnings = kept + suspicions(track.states, disagrees)
+    outside: set[int] = {*range(n)} - {*range(n)[track.inside]}  # which is no reason to wonder
+    track.warnings = kept + suspicions(
+        ["tracked" if i in outside else s for i, s in enumerate(track.states)], disagrees
+    )
 
 
 def is_uncertain(track: Track) -> bool:
     """Whether more than a few frames are not tracked, or less surely than a good view of the target allows."""
     size = np.sqrt(np.abs(_areas(track.corners)))
     sure = np.array([state == "tracked" for state in track.states]) & (track.deviation <= MODEL.uncertain * size)
-    return bool((~sure).mean() > MODEL.uncertain_frames)
+    return bool((~sure)[track.inside].mean() > MODEL.uncertain_frames)
 
 
 def _known(track: Track, record: Record, n: int) -> NDArray[np.bool_]:

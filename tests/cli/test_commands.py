@@ -16,7 +16,7 @@ from ar_demo.cli import commands, entry
 from ar_demo.media.reader import VideoReader
 from ar_demo.tracks import Track
 
-from ..clips import frame_times, make_clip, make_sound, sound_packets, tone, truncated
+from ..clips import SOUND_RATE, frame_times, make_clip, make_sound, read_sound, sound_packets, tone, truncated
 from ..conftest import Run
 from ..scenes import Scene, error, path
 
@@ -157,6 +157,42 @@ def test_effects_need_no_ad(run: Run, clip: Path, truth: list[np.ndarray], tmp_p
     else:
         assert inside < 8  # re-encoding; only the outline is drawn
         assert np.abs(after.image[68:76, 130:190].astype(int) - before.image[68:76, 130:190]).mean() > 20
+
+
+@pytest.mark.parametrize("saved", [False, True])
+def test_a_span_is_drawn_on_and_the_rest_copied(
+    run: Run, clip: Path, truth: list[np.ndarray], tmp_path: Path, saved: bool
+) -> None:
+    """With the ad, a film of two colours, and its sound beginning with the span; what is outside stays as it is."""
+    colours = [np.full((60, 80, 3), colour, np.uint8) for colour in ((255, 0, 0), (0, 0, 255))]
+    ad = make_clip(tmp_path / "ad.mp4", [colours[i >= 4] for i in range(40)], rate=30, sound=tone(1.3, 880))
+    out, file = tmp_path / "out.mp4", tmp_path / "t.json"
+    span, given = (
+        range(8, 18),
+        [clip, ad, "--time", "8..17", "-o", out, "--backend", "opencv", "--audio", "ad", "--flat"],
+    )
+    if saved:
+        assert run(clip, *quad_arguments(truth[0]), "-o", file, main=entry.track_main)[0] == 0
+        code, printed, err = run(*given, "--track", file, "--json", "--strict")
+    else:
+        code, printed, err = run(*given, *quad_arguments(truth[8]), "--save-track", file, "--json", "--strict")
+    assert code == 0, err
+    assert json.loads(printed)["states"] == {"tracked": 10, "held": 0, "lost": 0}
+    with VideoReader(out) as reader, VideoReader(clip) as original:
+        frames = [
+            (f.image.astype(int), o.image.astype(int)) for f, o in zip(reader.frames(), original.frames(), strict=True)
+        ]
+    for index, (frame, before) in enumerate(frames):
+        x, y = truth[index].mean(0).round().astype(int)
+        if index in span:
+            assert frame[y, x].argmax() == (0 if index < 12 else 2)
+        else:
+            assert np.abs(frame - before).mean() < 4
+    sound = np.abs(read_sound(out)[0])
+    seconds = np.arange(len(sound)) / SOUND_RATE
+    inside = (seconds > 8 / 30 + 0.05) & (seconds < 18 / 30 - 0.05)
+    outside = (seconds < 8 / 30 - 0.05) | (seconds > 18 / 30 + 0.05)
+    assert sound[inside].mean() > 20 * sound[outside].mean()
 
 
 BAD = {

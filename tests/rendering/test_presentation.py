@@ -60,3 +60,12 @@ def test_a_cut_ends_it_at_once(track: Track, lost: str) -> None:
     _, opacity = presentation(track, Surface(lost=lost))  # type: ignore[arg-type]
     np.testing.assert_array_equal(opacity == 1, track.known)
     assert (opacity[LOSS] == 0).all()
+
+
+@pytest.mark.parametrize("lost", ["hold", "fade", "hide"])
+def test_outside_a_span_there_is_nothing(track: Track, lost: str) -> None:
+    _, opacity = presentation(track.within(5, 60), Surface(lost=lost))  # type: ignore[arg-type]
+    assert (opacity[:5] == 0).all()
+    assert (opacity[5:20] == 1).all()
+    assert (opacity[50:61] == 1).all()
+    assert (opacity[61:] == 0).all()

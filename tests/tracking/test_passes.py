@@ -11,7 +11,7 @@ import ar_demo
 from ar_demo.options import TrackingOptions
 from ar_demo.progress import Progress
 from ar_demo.session import Session
-from ar_demo.surface import Keyframe, Moment, Surface
+from ar_demo.surface import Keyframe, Moment, Span, Surface
 from ar_demo.tracks import Track
 from hdn import Observation
 from hdn.errors import InputError
@@ -294,3 +294,57 @@ def test_every_tracker_is_told_where_to_look_and_the_track_remembers(world: Worl
     for told in (*world.regions, found.region, again.region):
         np.testing.assert_array_equal(told.include, region)
         np.testing.assert_array_equal(told.exclude, [QUAD[:3]])
+
+
+@pytest.mark.parametrize("start", [None, 20, 35])
+def test_a_span_alone_is_tracked(world: World, clip: Path, start: int | None) -> None:
+    world.hidden = set(range(24, 30))
+    at = 15 if start is None else start
+    moment = {} if start is None else {"start": Moment(frame=start)}
+    options = TrackingOptions(smooth=0, time=Span.parse("0.5s..40"))
+    found = ar_demo.track(
+        clip,
+        Surface(quad=truth(at), **moment),
+        options,
+        make_tracker=lambda: Scripted(world),  # type: ignore[arg-type]
+    )
+    assert set(world.seen) == set(range(15, 41))
+    assert (found.span, len(found), found.reference_frame) == ((15, 40), 41, at)
+    assert found.counts == {"tracked": 20, "held": 6, "lost": 0}
+    assert off(found)[15:].max() < 0.5
+    assert not found.known[:15].any()
+    assert found.warnings == []  # what is not looked at is nothing to warn of
+
+
+@pytest.mark.parametrize(
+    ("surface", "time", "message"),
+    [
+        ({"start": Moment(frame=3)}, "10..20", "start .frame 3. is before the time"),
+        ({"start": Moment(frame=30)}, "10..20", "beyond the end"),
+        ({"keyframes": (keyframe(5, QUAD),)}, "10..", "keyframe .frame 5. is before the time"),
+        ({}, "9s..", "time .9 s. is beyond the end"),
+        ({}, "20..10", "beyond the end"),
+    ],
+)
+def test_what_is_named_lies_in_the_span(
+    world: World, clip: Path, surface: dict[str, object], time: str, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        ar_demo.track(
+            clip,
+            Surface(quad=QUAD, **surface),  # type: ignore[arg-type]
+            TrackingOptions(time=Span.parse(time)),
+            make_tracker=lambda: Scripted(world),
+        )
+    assert world.seen == []
+
+
+def test_a_keyframe_corrects_a_track_of_a_span(world: World, clip: Path) -> None:
+    world.bias = lambda i: 15.0 if 15 <= i < 25 else 0.0
+    options = TrackingOptions(smooth=0, time=Span.parse("10..40"))
+    surface = Surface(quad=truth(30), start=Moment(frame=30))
+    old = ar_demo.track(clip, surface, options, make_tracker=lambda: Scripted(world))
+    world.seen.clear()
+    new = track(clip, Surface(track=old, keyframes=(keyframe(20, truth(20)),)), world)
+    assert min(world.seen) == 10
+    assert (new.span, off(new)[10:].max() < 1) == ((10, 40), True)
