@@ -57,6 +57,7 @@ class OutputOptions:
             codec has them, and 4:2:0 in 8 bits ("auto").
         alpha: whether a layer's colours are as they are, or times alpha; None takes what is usual in its format.
         layer_codec: of a layer that is a video; None takes the container's usual that holds transparency.
+        start_number: of the first picture of image sequences that are written; None takes the input's, or 0.
         overwrite: whether an existing output may be replaced.
 
     Raises:
@@ -72,9 +73,12 @@ class OutputOptions:
     depth: Depth = "auto"
     alpha: Alpha | None = None
     layer_codec: str | None = None
+    start_number: int | None = None
     overwrite: bool = False
 
     def __post_init__(self) -> None:
         check_choices(self)
+        if self.start_number is not None and self.start_number < 0:
+            raise InputError(f"start_number {self.start_number} is out of range: give 0 or more")
         if self.crf is not None and not 0 <= self.crf <= 63:
             raise InputError(f"crf {self.crf} is out of range: give 0 (best) to 51, or to 63 for VP9 and AV1")

@@ -43,7 +43,12 @@ RULES = (
     Rule(("time",), "--live", _has("live"), "frames are seen once, as they come"),
     Rule(("save_track",), "--live", _has("live"), "live tracks are not kept"),
     Rule(("fps",), "--live", _has("live"), "frames have the times at which they come"),
-    Rule(("layer", "save_matte", "alpha", "layer_codec"), "--live", _has("live"), "a live output is a video alone"),
+    Rule(
+        ("layer", "save_matte", "alpha", "layer_codec", "start_number"),
+        "--live",
+        _has("live"),
+        "a live output is a video alone",
+    ),
     Rule(("smooth",), "--live", _has("live"), "a 1 euro filter takes its place"),
     Rule(("audio",), "--live", _has("live"), "a live output has no sound"),
     Rule(("streams", "location"), "--live", _has("live"), "a live output has the picture alone"),

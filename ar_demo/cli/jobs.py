@@ -121,6 +121,7 @@ class RenderingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     depth: Depth | UnsetType = UNSET
     alpha: Alpha | UnsetType = UNSET
     layer_codec: str | UnsetType = UNSET
+    start_number: Annotated[int, Meta(ge=0)] | UnsetType = UNSET
     overwrite: bool | UnsetType = UNSET
 
 

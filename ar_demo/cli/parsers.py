@@ -112,6 +112,9 @@ def replace_parser() -> Parser:
         "far as the codec has them",
     )
     add("--alpha", choices=CHOICES["alpha"], help="colours of the layer (default: straight; OpenEXR is premultiplied)")
+    add(
+        "--start-number", type=int, metavar="N", help="of image sequences that are written (default: the input's, or 0)"
+    )
     add("--layer-codec", metavar="CODEC", help="prores4444, animation, ffv1 or vp9 (default: the container's usual)")
     _add_common(parser)
     return parser

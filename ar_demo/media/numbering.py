@@ -47,6 +47,10 @@ class Numbering:
         """The picture of a number."""
         return self.folder / f"{self.head}{number:0{self.digits}d}{self.tail}"
 
+    def number_in(self, file: Path) -> int:
+        """The number of a picture of the sequence."""
+        return int(file.name[len(self.head) : len(file.name) - len(self.tail)])
+
     def numbers(self) -> list[int]:
         """Of the pictures that there are, in order."""
         pattern = re.compile(f"{re.escape(self.head)}(\\d{{{self.digits},}}){re.escape(self.tail)}")

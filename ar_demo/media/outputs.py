@@ -52,4 +52,4 @@ def open_output(
         raise InputError(f"--crf does nothing for {path.suffix}, which has one quality: leave it out")
     if info.frames != 1 and Numbering.parse(path) is None:
         raise InputError(f"{path} is one picture, and the video has several: name a sequence, as {numbered(path)}")
-    return SequenceWriter(output, info.width, info.height, depth=form.depth, alpha=alpha)
+    return SequenceWriter(output, info.width, info.height, depth=form.depth, alpha=alpha, first=info.first_number)

@@ -57,6 +57,7 @@ class VideoInfo:
         pixel_format: of the source, by FFmpeg's name.
         colour: how its samples are to be understood.
         has_audio: whether there is sound beside the picture.
+        first_number: that the first picture of an image sequence has in its name; 0 where it has none.
     """
 
     path: Path
@@ -72,6 +73,7 @@ class VideoInfo:
     pixel_format: str
     colour: color.Colour
     has_audio: bool
+    first_number: int = 0
 
 
 @dataclass(frozen=True)
@@ -231,6 +233,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
             pixel_format=frame.format.name,
             colour=color.Colour.of(frame),
             has_audio=bool(container.streams.audio),
+            first_number=self.source.first_number if isinstance(self.source, ImageSequence) else 0,
         )
         self._shut(container)
         return info

@@ -58,6 +58,11 @@ class ImageSequence:
             log.info("%s: its %d pictures are taken at %d frames a second; --fps says otherwise", path, len(files), 25)
         return ImageSequence(path, tuple(files), rate or DEFAULT_RATE, _numbering(files))
 
+    @property
+    def first_number(self) -> int:
+        """That the first picture has in its name; 0 where they are not numbered without gaps."""
+        return 0 if self.numbering is None else self.numbering.number_in(self.files[0])
+
     def __str__(self) -> str:
         return str(self.path)
 
@@ -70,7 +75,7 @@ class ImageSequence:
         if len(self.files) == 1:
             name, options = str(first), {"pattern_type": "none"}
         elif self.numbering is not None:
-            name, options = self.numbering.ffmpeg, {"start_number": str(_number(self.numbering, first))}
+            name, options = self.numbering.ffmpeg, {"start_number": str(self.first_number)}
         else:
             name = f"{glob.escape(str(first.parent))}/*{first.suffix}"
             options = {"pattern_type": "glob"}
@@ -156,7 +161,7 @@ def _numbering(files: list[Path]) -> Numbering | None:
     """
     numbering = Numbering.of(files[0])
     if numbering is not None:
-        first = _number(numbering, files[0])
+        first = numbering.number_in(files[0])
         if all(file == numbering.file(first + index) for index, file in enumerate(files)):
             return numbering
     if len(files) == 1:
@@ -166,7 +171,3 @@ def _numbering(files: list[Path]) -> Numbering | None:
         raise InputError(f"{files[0].name} and the others are not numbered 1, 2, 3 ...: rename them, or make a folder")
     log.info("%s and the others are not numbered without gaps: they are taken in their order", files[0].name)
     return None
-
-
-def _number(numbering: Numbering, file: Path) -> int:
-    return int(file.name[len(numbering.head) : len(file.name) - len(numbering.tail)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
+from dataclasses import replace as changed
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from hdn.imaging.arrays import Picture
 from ..compositing.separation import Insert
 from ..errors import InputError
 from ..media.claims import Claim
+from ..media.codecs import is_picture
 from ..media.form import form_of
 from ..media.outputs import Writer, open_output
 from ..media.reader import Frame, VideoInfo
@@ -57,6 +59,8 @@ class Outputs:
             for name in ("codec", "crf"):
                 if getattr(options, name) is not None:
                     raise InputError(f"--{name} is for the video that -o names, and there is none: leave it out")
+        if options.start_number is not None and not any(map(is_picture, self.paths)):
+            raise InputError("--start-number is for image sequences, and none is written: leave it out")
         if self.layer is None:
             for name in ("alpha", "layer_codec"):
                 if getattr(options, name) is not None:
@@ -80,6 +84,8 @@ class OutputWriters(AbstractContextManager["OutputWriters"]):
             RunError: one cannot be begun.
         """
         outputs.check(options)
+        if options.start_number is not None:
+            info = changed(info, first_number=options.start_number)
         self._video: Writer | None = None
         self._apart: list[LayerWriter | MatteWriter] = []
         self._bits = 8

@@ -67,6 +67,7 @@ OPTIONS: dict[str, list[str]] = {
     "save_matte": ["--save-matte", "m.%04d.png"],
     "alpha": ["--alpha", "premultiplied"],
     "layer_codec": ["--layer-codec", "animation"],
+    "start_number": ["--start-number", "1001"],
     "overwrite": ["--overwrite"],
 }
 OF_BOTH = (

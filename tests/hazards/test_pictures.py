@@ -56,10 +56,8 @@ def test_a_sequence_makes_a_sequence(run: Run, shot: Path, ad: Path, tmp_path: P
     code, _, err = run(shot, ad, *flags)  # the same pictures by another name
     assert code == 0, err
     assert "at 25 frames" not in err
-    for number, corners in enumerate(TRUTH):
-        made, source = (
-            cv2.imread(str(f)) for f in (tmp_path / f"o.{number:03d}.png", shot / f"shot.{1001 + number}.png")
-        )
+    for number, corners in enumerate(TRUTH, 1001):
+        made, source = (cv2.imread(str(f)) for f in (tmp_path / f"o.{number:03d}.png", shot / f"shot.{number}.png"))
         assert redness(tmp_path / f"o.{number:03d}.png", corners) > 200
         assert np.array_equal(made[:40], source[:40])  # the wall, as it was
     code, _, err = run(shot, ad, "--track", track, "-o", tmp_path / "p.%03d.png")

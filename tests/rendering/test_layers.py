@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ar_demo import OutputOptions, Session, Surface
-from ar_demo.errors import InputError
+from ar_demo.errors import InputError, Stopped
 from ar_demo.media.srgb import to_coded, to_linear
 from hdn.imaging.arrays import Image
 
@@ -156,6 +156,7 @@ def test_a_layer_has_the_times_of_the_video_and_no_sound(folder: Path, tmp_path:
         ({"layer": "l.%d.png"}, {"layer_codec": "animation"}, "has one way to be written"),
         ({"layer": "l.png"}, {}, r"name a sequence, as l.%05d.png"),
         ({"output": "o.%d.png"}, {"crf": 20}, "--crf does nothing for .png"),
+        ({"layer": "l.mov"}, {"start_number": 1001}, "--start-number is for image sequences"),
     ],
 )
 def test_what_does_not_go_together_is_refused(
@@ -169,4 +170,13 @@ def test_what_does_not_go_together_is_refused(
             **{name: tmp_path / file for name, file in outputs.items()},
         )
     assert said in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_stopping_leaves_nothing_of_any_output(folder: Path, tmp_path: Path) -> None:
+    with Session(folder / "src.mov", make_tracker=Still) as session:
+        surfaces = session.track([Surface(effect="mosaic", quad=SCENE.quad)])
+        session.listen = lambda event: session.stop()
+        with pytest.raises(Stopped):
+            session.render(surfaces, tmp_path / "o.mov", layer=tmp_path / "l.%d.png", matte=tmp_path / "m.mov")
     assert list(tmp_path.iterdir()) == []
