@@ -6,12 +6,16 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NoReturn
 
 from .errors import TORCH_MISSING, InputError, RunError
 from .signals import Ended, ending, heard, leaving
 from .signals import status as ended_status
 from .standard_streams import lost, make_harmless
+
+SHELLS = ("bash", "zsh", "tcsh")
+FILES = ("input", "ad", "output", "layer", "matte")  # arguments that are files, and sometimes something else
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -27,6 +31,13 @@ class Parser(argparse.ArgumentParser):
         super().__init__(prog, description=description, epilog=epilog)
         self.add_argument(
             "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="show the version and exit"
+        )
+        self.add_argument(
+            "--print-completion",
+            action=_Completion,
+            choices=SHELLS,
+            default=argparse.SUPPRESS,
+            help="print what completes this command's options in a shell, and exit",
         )
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
@@ -48,6 +59,19 @@ class _Version(argparse.Action):
         from importlib.metadata import version
 
         print(f"{parser.prog} {version('ar-replace')}")
+        parser.exit()
+
+
+class _Completion(argparse.Action):
+    """Made only when asked for, by shtab. A name of a file is completed wherever a path is taken."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: Any, shell: Any, *__: Any) -> None:
+        import shtab
+
+        for action in parser._actions:
+            if action.type is Path or action.dest in FILES:
+                action.complete = shtab.FILE  # type: ignore[attr-defined]
+        print(shtab.complete(parser, shell))
         parser.exit()
 
 

@@ -225,3 +225,7 @@ def _add_common(parser: Parser) -> None:
     add("--strict", action="store_true", help="exit with 1 where there was a warning, as for a damaged input")
     add("--quiet", action="store_true", help="no progress, no log")
     add("--json", action="store_true", help="print a machine-readable summary")
+
+
+# The commands that people use every day; each has a manual page.
+PARSERS = {"ar-replace": replace_parser, "ar-track": track_parser, "ar-export": export_parser}
