@@ -7,8 +7,6 @@ from dataclasses import replace as changed
 from glob import has_magic
 from pathlib import Path
 
-from hdn.imaging.arrays import Image
-
 from .errors import InputError, RunError, Stopped
 from .media.claims import check_different, free_name
 from .media.codecs import check_video_name
@@ -20,7 +18,7 @@ from .progress import Listener, silent
 from .results import Result
 from .session import Session, check_output, claimed_output, claimed_outputs
 from .surface import Surface
-from .tracking.protocol import MakeTracker, MappingTracker, PlanarTracker, hdn_trackers
+from .tracking.protocol import MakeTracker
 from .tracks import Track
 
 
@@ -110,13 +108,13 @@ def track(
         surface: with its quad, or a track made earlier.
         tracking: how; `smooth=0` gives the track as it was measured.
         make_tracker: makes the tracker, see `PlanarTracker`; None makes HDN's.
-        save_map: picture to write, of the tracker's map of the plane.
+        save_map: picture to write, of the surface's plane, see `Session.plane_picture`.
         save_steady: video to write, in which the surface stands still, see `Session.steady`.
         options: how that is written, and whether existing files may be replaced.
         save_track: track file to write.
 
     Raises:
-        InputError: see `Session.track`; a map of a tracker that keeps none, an output that exists.
+        InputError: see `Session.track`; an output that exists.
         RunError: an output cannot be written.
     """
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
@@ -125,12 +123,11 @@ def track(
     check_different(named)
     for path in named:
         check_output(path, options, input)
-    mapped = _Mapped(make_tracker, tracking) if save_map is not None else None
     if save_map is not None:
         check_picture_name(Path(save_map))
     if save_steady is not None:
         check_video_name(Path(save_steady))
-    with ExitStack() as held, Session(input, listen, mapped or make_tracker) as session:
+    with ExitStack() as held, Session(input, listen, make_tracker) as session:
         file, picture, steady = (
             None if path is None else held.enter_context(claimed_output(path, options, input)) for path in outputs
         )
@@ -138,34 +135,11 @@ def track(
         assert tracked.track is not None
         if file is not None:
             tracked.track.save(file)
-        if mapped is not None and picture is not None:
-            write_picture(picture, mapped.picture())
+        if picture is not None:
+            write_picture(picture, session.plane_picture(tracked.track).drawn)
         if steady is not None:
             session.steady(tracked.track, steady, options)
     return tracked.track
-
-
-class _Mapped:
-    """Makes trackers of one surface, and keeps the first, whose map is that of the plane as the video has it."""
-
-    def __init__(self, make_tracker: MakeTracker | None, tracking: TrackingOptions) -> None:
-        self._make_tracker, self._tracking = make_tracker, tracking
-        self._first: MappingTracker | None = None
-
-    def __call__(self) -> PlanarTracker:
-        self._make_tracker = self._make_tracker or hdn_trackers(self._tracking)
-        tracker = self._make_tracker()
-        if self._first is None:
-            if not isinstance(tracker, MappingTracker):
-                raise InputError("this tracker keeps no map of the plane: leave --save-map out")
-            self._first = tracker
-        return tracker
-
-    def picture(self) -> Image:
-        """The map (h, w, 3) after tracking."""
-        if self._first is None:
-            raise InputError("nothing was tracked, so there is no map: leave --save-map out")
-        return self._first.map_picture()
 
 
 KEPT = "{}.track.json"  # a track's file, by the name of the output that it was made for

@@ -9,6 +9,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar
 
+from hdn.plane.picture import PlanePicture
+
 from .compositing.compositor import open_compositor
 from .errors import InputError
 from .media.claims import Claim, check_name, claimed
@@ -30,6 +32,7 @@ from .surface import FIRST, Moment, Span, Surface
 from .tracking.corrections import needs_correction
 from .tracking.moments import index_of, is_within, until
 from .tracking.passes import Passes
+from .tracking.pictures import plane_pictures
 from .tracking.protocol import MakeTracker, hdn_trackers
 from .tracks import Track
 from .words import counted
@@ -246,6 +249,22 @@ class Session(AbstractContextManager["Session"]):
                 picture = view.of(frame.image, frame.index)
                 writer.write(picture, frame.time, frame.duration)
                 show((track.states[frame.index],), picture)
+
+    def plane_picture(self, track: Track) -> PlanePicture:
+        """What the whole video shows of a surface's plane, in one picture.
+
+        Raises:
+            InputError: a track of another video.
+            Stopped: see `stop`.
+        """
+        check_belongs_to(track, self.reader)
+        [picture] = self._numbered_rightly(lambda: plane_pictures(self.reader, [track], self.listen, self._stop))
+        if picture.views == 1:
+            log.warning(
+                "the picture of the plane is that of the reference frame alone: too few frames agree with it; "
+                "choose a --start that shows the surface better"
+            )
+        return picture
 
     def _corrected(self, surface: Surface, track: Track, options: TrackingOptions) -> Track:
         if not needs_correction(track, surface.keyframes):

@@ -6,7 +6,7 @@ import numpy as np
 
 from .alignment.agreement import CELLS
 from .alignment.refinement import NO_BLUR, Refiner
-from .imaging.arrays import Array, Floats, Mask
+from .imaging.arrays import Array, Floats, Image, Mask
 from .imaging.homography import normalised, transform
 from .imaging.observation import Observation
 from .imaging.pyramid import Pyramid
@@ -71,13 +71,22 @@ class Target:
 
     @classmethod
     def from_frame(
-        cls, engine: Engine, frame: Observation, quad: Array, stages: frozenset[Stage], region: Region = EVERYWHERE
+        cls,
+        engine: Engine,
+        frame: Observation,
+        quad: Array,
+        stages: frozenset[Stage],
+        region: Region = EVERYWHERE,
+        known: Image | None = None,
     ) -> "Target":
-        """Takes a target (4, 2) in the reference frame."""
+        """Takes a target (4, 2) in the reference frame, of which (H, W) is known where it is 255; None is all."""
         width, height = frame.colour.size
         usable = None if region.is_everywhere else region.mask(width, height)
         refiner = Refiner(frame, quad, usable)
-        plane = PlaneMap(frame, quad, refiner.standard_side, region)
+        plane = PlaneMap(frame, quad, refiner.standard_side, region, known)
+        around = Occlusion(engine, frame, plane.corners, plane.level.cells)
+        if known is not None:
+            around.take(plane.texture.picture, plane.texture.known)
         return cls(
             quad,
             Proposer(engine, frame, quad, stages),
@@ -85,7 +94,7 @@ class Target:
             Redetector(frame, quad, usable),
             plane,
             Occlusion(engine, frame, quad, PARTS),
-            Occlusion(engine, frame, plane.corners, plane.level.cells),
+            around,
             region,
             max(width, height),
         )

@@ -133,10 +133,15 @@ class Tracker:
         """The map of the target's plane as it is known by now: RGB (h, w, 3), rectified. See `PlaneMap.picture`."""
         return self.target.plane.picture
 
-    def init(self, frame: Image | Observation, quad: Array, region: Region = EVERYWHERE) -> None:
+    def init(
+        self, frame: Image | Observation, quad: Array, region: Region = EVERYWHERE, known: Image | None = None
+    ) -> None:
         """Takes the target: its quad (4, 2), px, in an RGB frame (H, W, 3), and where on its plane to look.
 
         Trackers of several targets may share one `Observation` of a frame, and what it has computed.
+
+        Args:
+            known: (H, W) 255 where the frame shows the target's plane, of a picture put together; None: maybe anywhere.
 
         Raises:
             InputError: the quad is not convex, too small, or not wholly inside the frame; the region leaves nothing.
@@ -145,7 +150,7 @@ class Tracker:
         seen = _observed(frame)
         check_quad(quad, *seen.colour.size)
         check_region(region, *seen.colour.size)
-        target = Target.from_frame(self.engine, seen, quad, self.stages, region)
+        target = Target.from_frame(self.engine, seen, quad, self.stages, region, known)
         cells = target.plane.level.cells
         whole = np.ones((PARTS, PARTS), np.float32)
         pose = Pose.known(np.eye(3)).after(seen.grey, seen=whole, seen_around=np.ones((cells, cells), bool))

@@ -151,7 +151,7 @@ def _placed(ad: str, corners: str, values: dict[str, Any], is_mixed: bool) -> Su
 def _check_tracked(given: Namespace, surfaces: list[Surface]) -> None:
     """Raises InputError for options of tracking where nothing is to be tracked."""
     if all(s.track is not None and not needs_correction(s.track, s.keyframes) for s in surfaces):
-        for name in ("smooth", "device", "weights", "save_map"):
+        for name in ("smooth", "device", "weights"):
             if name in given:
                 raise InputError(f"{flag(name)} does nothing, for the track is complete: leave it out")
 

@@ -8,11 +8,10 @@ from itertools import chain
 
 import numpy as np
 
-from hdn import Observation
-from hdn.better_template import TemplateBuilder
+from hdn import Observation, Tracker
 from hdn.imaging.arrays import Array
-from hdn.imaging.homography import from_corners
 from hdn.imaging.regions import EVERYWHERE, Region
+from hdn.plane.picture import PlanePicture
 
 from ..errors import InputError
 from ..media.reader import VideoReader
@@ -24,6 +23,7 @@ from ..surface import Keyframe, Surface
 from ..tracks import Source, Track
 from .corrections import merged_keyframes, not_passed
 from .moments import is_within, keyframes_of, starts, until
+from .pictures import plane_pictures, reference_frame
 from .protocol import MakeTracker, PlanarTracker
 from .runs import Run, backward_runs, fixes_of, forward_runs, gap_runs
 from .solution import blank, is_uncertain, solve
@@ -40,7 +40,6 @@ class Target:
         tracker: it has its target, by the quad `template` (4, 2), px, of the reference frame or of a better picture.
         start, quad: index of a frame, and the target's corners (4, 2) in it, px.
         keyframes: corners (4, 2) given in other frames, by index.
-        builder: puts a better template together from the target's good views; None where none is to be.
         track: what is known so far.
         runs: that went through the video.
         region: where tracking may look, in the reference frame.
@@ -51,7 +50,6 @@ class Target:
     start: int
     quad: Array
     keyframes: dict[int, Array]
-    builder: TemplateBuilder | None = None
     track: Track | None = None
     region: Region = EVERYWHERE
     runs: list[Run] = field(default_factory=list)
@@ -62,7 +60,7 @@ class Target:
         return {self.start: self.quad, **self.keyframes}
 
     def follower(self, runs: Sequence[Run]) -> Follower:
-        return Follower(self.tracker, self.template, runs, self.builder)
+        return Follower(self.tracker, self.template, runs)
 
     @property
     def known(self) -> Track:
@@ -136,7 +134,7 @@ class Passes:
             anew[low : high + 1] = True
 
         target = Target(self.make_tracker(), track.quad, start, track.quad, track.keyframes, track=track)
-        target.tracker.init(self._observation(start), track.quad, track.region)
+        target.tracker.init(reference_frame(self.reader, start), track.quad, track.region)
         self.cuts = set(track.cuts)
         if forward:
             first, last = forward[0].anchor, max(n - 1 if run.stop is None else run.stop for run in forward)
@@ -149,23 +147,15 @@ class Passes:
 
     def _targets(self, surfaces: Sequence[Surface]) -> list[Target]:
         found, self.first = starts(self.reader, surfaces, self.options, self.stop)
-        seen = {start: self._observation(start) for start in set(found)}
+        seen = {start: reference_frame(self.reader, start) for start in set(found)}
         targets = []
         for surface, start in zip(surfaces, found, strict=True):
             quad = surface.quad_in(seen[start])
             keyframes = keyframes_of(surface.keyframes, quad, start, self.reader.times)
             tracker = self.make_tracker()
             tracker.init(seen[start], quad, surface.tracking_region)
-            builder = TemplateBuilder(seen[start], quad)
-            targets.append(Target(tracker, quad, start, quad, keyframes, builder, region=surface.tracking_region))
+            targets.append(Target(tracker, quad, start, quad, keyframes, region=surface.tracking_region))
         return targets
-
-    def _observation(self, index: int) -> Observation:
-        """One frame, for the trackers to begin with."""
-        frame = next(self.reader.frames(index, index + 1), None)
-        if frame is None:
-            raise InputError(f"frame {index} of {self.reader.path} cannot be decoded: choose another --start")
-        return Observation(frame.image)
 
     def _both_ways(self, targets: Sequence[Target], prefix: str = "") -> None:
         """Tracks forward and backward from the known poses, and fills the gaps from both of their ends."""
@@ -184,31 +174,38 @@ class Passes:
             solve(target.known, target.runs, self.options.smooth)
 
     def _again(self, targets: Sequence[Target]) -> None:
-        """Tracks again what is uncertain and was seen more clearly later than at first, with a template made of that.
+        """Tracks again what is uncertain and is seen more clearly later on than at first, with a picture of that.
 
         It goes from the frame that shows the target best, whose pose was measured, and is no surer than that.
         """
-        old: list[Target] = []
-        new: list[Target] = []
-        for target in targets:
-            template = target.builder.build() if target.builder is not None and is_uncertain(target.known) else None
-            if template is not None:
-                tracker = self.make_tracker()
-                region = target.region.transformed(from_corners(target.quad, template.quad))
-                tracker.init(Observation(template.image), template.quad, region)
-                old.append(target)
-                new.append(Target(tracker, template.quad, template.index, template.corners, target.keyframes))
+        old = [target for target in targets if is_uncertain(target.known) and isinstance(target.tracker, Tracker)]
+        if not old:
+            return
+        pictures = plane_pictures(self.reader, [target.known for target in old], self.listen, self.stop)
+        better = [
+            (target, picture)
+            for target, picture in zip(old, pictures, strict=True)
+            if picture.is_better and picture.deviation < np.median(target.known.deviation)
+        ]
+        new = [self._with_picture(target, picture) for target, picture in better]
         if not new:
             return
-        log.info("tracking again, with a template of what was seen more clearly after the reference frame")
+        log.info("tracking again, with a picture of what was seen more clearly than in the reference frame")
         self._both_ways(new, "again: ")
-        for target, other in zip(old, new, strict=True):
-            deviation = float(target.known.deviation[other.start])
+        for (target, picture), other in zip(better, new, strict=True):
             for run in other.runs:
-                run.template_deviation = deviation if np.isfinite(deviation) else 0.0
+                run.template_deviation = picture.deviation
             target.runs += other.runs
             target.known.cuts = other.known.cuts
             solve(target.known, target.runs, self.options.smooth)
+
+    def _with_picture(self, target: Target, picture: PlanePicture) -> Target:
+        """The same target, whose tracker compares with a picture."""
+        tracker = self.make_tracker()
+        assert isinstance(tracker, Tracker)
+        region = target.region.transformed(np.asarray(np.linalg.inv(picture.to_reference)))
+        tracker.init(Observation(picture.image), picture.quad, region, picture.on_plane)
+        return Target(tracker, picture.quad, picture.index, picture.corners, target.keyframes)
 
     def _forward(
         self, targets: Sequence[Target], runs: Sequence[Sequence[Run]], first: int, stop: int | None, stage: str

@@ -2,10 +2,10 @@
 
 import logging
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from hdn import Observation, Tracker
-from hdn.imaging.arrays import Array, Image
+from hdn.imaging.arrays import Array
 from hdn.imaging.regions import EVERYWHERE, Region
 from hdn.state import State
 
@@ -57,14 +57,6 @@ class PlanarTracker(Protocol):
 
     def track(self, frame: Observation) -> Estimate:
         """Finds the target in the next frame, which may be that of the pose it was placed at."""
-
-
-@runtime_checkable
-class MappingTracker(PlanarTracker, Protocol):
-    """A tracker that keeps a map of its target's plane."""
-
-    def map_picture(self) -> Image:
-        """RGB (h, w, 3): the map as far as it is known, dimmed where it is unsure."""
 
 
 MakeTracker = Callable[[], PlanarTracker]  # called once for each surface, and once more for a second pass

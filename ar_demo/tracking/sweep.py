@@ -3,11 +3,9 @@
 from collections.abc import Callable, Iterable, Sequence
 
 from hdn import Observation
-from hdn.better_template import TemplateBuilder
 from hdn.imaging.arrays import Array, Picture
 from hdn.imaging.homography import from_corners
 from hdn.state import State
-from hdn.tracker import Estimate as HdnEstimate
 
 from ..media.reader import Frame
 from .cuts import CutDetector
@@ -20,14 +18,12 @@ Show = Callable[[tuple[State | None, ...], Picture], None]
 class Follower:
     """A surface's tracker on its runs, which come one after the other in one direction."""
 
-    def __init__(
-        self, tracker: PlanarTracker, quad: Array, runs: Iterable[Run], builder: TemplateBuilder | None = None
-    ) -> None:
+    def __init__(self, tracker: PlanarTracker, quad: Array, runs: Iterable[Run]) -> None:
         """Args:
         tracker: it has its target. quad: (4, 2) the target in the reference frame, px.
-        runs: in any order. builder: is offered the views; None for none.
+        runs: in any order.
         """
-        self.tracker, self.quad, self.builder = tracker, quad, builder
+        self.tracker, self.quad = tracker, quad
         self.runs = sorted(runs, key=lambda run: -run.anchor if run.backward else run.anchor)
         self._current: Run | None = None
         self._next = 0
@@ -41,10 +37,7 @@ class Follower:
         if self._current is not None:
             if cut:
                 self.tracker.lose()
-            estimate = self.tracker.track(frame)
-            if self.builder is not None and isinstance(estimate, HdnEstimate):
-                self.builder.offer(index, frame, estimate)
-            if not self._current.add(estimate):
+            if not self._current.add(self.tracker.track(frame)):
                 self._current = None
         if self._begins(index):
             run = self.runs[self._next]

@@ -113,19 +113,28 @@ class PlaneMap:
         seen, agreed: (n, n) in how many frames each cell was looked at while it learnt, and agreed.
     """
 
-    def __init__(self, frame: Observation, quad: Array, standard_side: int, region: Region = EVERYWHERE) -> None:
+    def __init__(
+        self,
+        frame: Observation,
+        quad: Array,
+        standard_side: int,
+        region: Region = EVERYWHERE,
+        known: Image | None = None,
+    ) -> None:
         """Args:
         frame: the reference frame.
         quad: (4, 2) the target's corners in it, px.
         standard_side: px, of the crop in whose pixels covariances are told.
         region: what a user says of where tracking may look; what it includes is taken to lie on the plane.
+        known: (H, W) 255 where the reference frame shows the plane; None: maybe anywhere.
         """
-        sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
-        self._sides = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
+        self._quad = quad
         self.standard_side = standard_side
         size = self.size(MODEL.target_side_px)
-        self.margin = _margin(quad, *size)
-        usable = None if region.is_everywhere else region.mask(*frame.colour.size)
+        self.margin = margin_around(quad, *size)
+        usable = known if region.is_everywhere else region.mask(*frame.colour.size)
+        if usable is not None and known is not None:
+            usable = usable & known
         self.level = level = Level(
             frame.grey, quad, size, MODEL.blur_px, standard_side, MODEL.points, self.margin, usable
         )
@@ -153,9 +162,7 @@ class PlaneMap:
 
     def size(self, longest: int) -> tuple[int, int]:
         """Width and height of the target, px, in a crop in which its longer side is about so many."""
-        cell = np.maximum(np.round(longest * self._sides / self._sides.max() / CELLS), MODEL.min_cell_px)
-        width, height = (CELLS * int(side) for side in cell)
-        return width, height
+        return target_size(self._quad, longest)
 
     def look(self, frame: Observation, homography: Array, learn: bool, blur: Array = NO_BLUR) -> Mask:
         """Which cells (n, n) around the target a frame shows just where a pose (3, 3) has them.
@@ -330,7 +337,16 @@ def _trust(correlation: Floats, known: Mask) -> Floats:
     return trust if trust[known].sum() >= MODEL.min_cells else everywhere
 
 
-def _margin(quad: Array, width: int, height: int) -> int:
+def target_size(quad: Array, longest: int) -> tuple[int, int]:
+    """Width and height, px, of a target (4, 2) in a rectified crop in which its longer side is about so many."""
+    sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
+    mean = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
+    cell = np.maximum(np.round(longest * mean / mean.max() / CELLS), MODEL.min_cell_px)
+    width, height = (CELLS * int(side) for side in cell)
+    return width, height
+
+
+def margin_around(quad: Array, width: int, height: int) -> int:
     """How many cells around a target of so many px the map may show before the plane tilts too far away."""
     corners = outline(width, height)
     middle = corners.mean(0)
