@@ -28,6 +28,7 @@ Format = Literal[
     "json",
     "otio",
 ]
+ProgressKind = Literal["bar", "plain", "json", "openjd"]
 
 CHOICES: dict[str, tuple[str, ...]] = {
     "fit": get_args(Fit),
@@ -43,4 +44,5 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "device": get_args(Device),
     "lost_keys": get_args(LostKeys),
     "format": get_args(Format),
+    "progress": get_args(ProgressKind),
 }

@@ -21,7 +21,7 @@ from ..surface import ADS_ALONE, Keyframe, Moment, Span, Surface, parse_polygon,
 from ..tracking.corrections import needs_correction
 from ..words import counted
 from .applicability import STDOUT, check_applicable, flag
-from .bar import Bar
+from .display import Display, display_of
 from .exports import exports_of
 from .jobs import Job, load_job
 from .reporting import in_words, print_summary, set_up_logging, warn
@@ -32,6 +32,11 @@ NO_SURFACE = "say where the surface is: --quad x,y x,y x,y x,y, or --track track
 
 def replace_command(given: Namespace) -> int:
     """ar-replace, by what is given on its command line."""
+    with display_of(given, renders=True) as display:
+        return _replace(given, display)
+
+
+def _replace(given: Namespace, display: Display) -> int:
     log = set_up_logging("quiet" in given)
     check_applicable(given)
     job = load_job(given.job) if "job" in given else None
@@ -48,11 +53,10 @@ def replace_command(given: Namespace) -> int:
     save_track = _either("save_track", given, job.save_track if job else None)
     layer = _either("layer", given, job.layer if job else None)
     matte = _either("save_matte", given, job.save_matte if job else None)
-    with Bar("quiet" in given) as bar:
-        if "live" in given:
-            result = _live(str(input), surfaces, output, tracking, options, bar)
-        else:
-            result = replace(input, surfaces, output, tracking, options, bar, save_track, layer=layer, matte=matte)
+    if "live" in given:
+        result = _live(str(input), surfaces, output, tracking, options, display)
+    else:
+        result = replace(input, surfaces, output, tracking, options, display, save_track, layer=layer, matte=matte)
     if "json" in given:
         print(json.dumps(result.summary()))
     else:
@@ -62,6 +66,11 @@ def replace_command(given: Namespace) -> int:
 
 def track_command(given: Namespace) -> int:
     """ar-track, by what is given on its command line."""
+    with display_of(given, renders=False) as display:
+        return _track(given, display)
+
+
+def _track(given: Namespace, display: Display) -> int:
     log = set_up_logging("quiet" in given)
     check_applicable(given)
     exports, export_options = exports_of(given)
@@ -72,10 +81,10 @@ def track_command(given: Namespace) -> int:
     options = OutputOptions(**_of(OutputOptions, given))
     pictures = {name: getattr(given, name) for name in ("save_map", "save_steady") if name in given}
     check_different([output, *pictures.values(), *exports])
-    with ExitStack() as held, Bar("quiet" in given) as bar:
+    with ExitStack() as held:
         claims = [held.enter_context(claimed_output(file, options, given.input)) for file in exports]
         tracking = TrackingOptions(**_of(TrackingOptions, given))
-        result = track(input, surface, tracking, bar, options=options, save_track=output, **pictures)
+        result = track(input, surface, tracking, display, options=options, save_track=output, **pictures)
         warnings = result.warnings
         if exports:
             warnings = [*warnings, *export_track(result, claims, getattr(given, "format", ()), export_options)]
@@ -93,10 +102,10 @@ def _live(
     output: Any,
     tracking: TrackingOptions,
     options: OutputOptions,
-    bar: Bar,
+    display: Display,
 ) -> Result:
     with ExitStack() as stack:
-        session = LiveSession(source, surfaces, bar)
+        session = LiveSession(source, surfaces, display)
         sink = stack.enter_context(standard_output()) if output == STDOUT else output or Path("live.mp4")
         stack.enter_context(stopped_by_signals(session.stop))
         return session.run(sink, tracking, options)

@@ -69,6 +69,7 @@ def replace_parser() -> Parser:
         help="an ad (- where the effect needs none) and its corners; once for each surface, later ones on top",
     )
     add("--job", type=Path, metavar="JSON", help="a job file: surfaces with options of their own, see the README")
+    _add_progress(parser)
     _add_tracking(parser, "render this track instead of tracking")
     add = parser.add_argument_group("the ad").add_argument
     add("--fit", choices=CHOICES["fit"], help="how its shape is brought to the surface's (default: stretch)")
@@ -128,6 +129,7 @@ def track_parser() -> Parser:
     add = parser.add_argument
     add("--save-map", type=Path, metavar="PNG", help="also write a picture of the plane, put together from the video")
     add("--save-steady", type=Path, metavar="MP4", help="also write a video in which the surface stands still")
+    _add_progress(parser)
     _add_tracking(parser, "correct this track: track anew only next to keyframes that are new to it")
     add = parser.add_argument_group("other programs").add_argument
     add(
@@ -219,11 +221,20 @@ def _add_export(add: Any) -> None:
     )
 
 
+def _add_progress(parser: Parser) -> None:
+    parser.add_argument(
+        "--progress",
+        choices=CHOICES["progress"],
+        help="a bar (default on a terminal), a line now and then (both on stderr), or JSON lines or the lines of Open "
+        "Job Description (both on stdout)",
+    )
+
+
 def _add_common(parser: Parser) -> None:
     add = parser.add_argument
     add("--overwrite", action="store_true", help="replace an existing output")
     add("--strict", action="store_true", help="exit with 1 where there was a warning, as for a damaged input")
-    add("--quiet", action="store_true", help="no progress, no log")
+    add("--quiet", action="store_true", help="no log, and no progress but what --progress asks for")
     add("--json", action="store_true", help="print a machine-readable summary")
 
 
