@@ -55,6 +55,7 @@ class OutputOptions:
         crf: quality of the encoder, lower is better; None takes the codec's usual.
         depth: bits a sample: 8, 10, 12; as many as the source has, and its chroma ("source"); or the same as far as the
             codec has them, and 4:2:0 in 8 bits ("auto").
+        tonemap: whether HDR is shown in SDR; else it stays HDR where the codec has more than 8 bits.
         alpha: whether a layer's colours are as they are, or times alpha; None takes what is usual in its format.
         layer_codec: of a layer that is a video; None takes the container's usual that holds transparency.
         start_number: of the first picture of image sequences that are written; None takes the input's, or 0.
@@ -71,6 +72,7 @@ class OutputOptions:
     codec: str | None = None
     crf: float | None = None
     depth: Depth = "auto"
+    tonemap: bool = False
     alpha: Alpha | None = None
     layer_codec: str | None = None
     start_number: int | None = None

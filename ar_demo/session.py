@@ -168,7 +168,7 @@ class Session(AbstractContextManager["Session"]):
         streams = self._streams(surfaces, outputs, options, end)
         with (
             OutputWriters(outputs, info, options, streams) as writer,
-            VideoReader(self.reader.source, depth=16 if writer.is_deep else 8) as reader,
+            VideoReader(self.reader.source, 16 if writer.is_deep else 8, writer.tonemap) as reader,
             Renderer(self.reader, surfaces, options.backend) as renderer,
             ahead(until(reader.frames(), end, self.reader.times[0])) as frames,
             behind(writer.write) as write,
@@ -178,8 +178,9 @@ class Session(AbstractContextManager["Session"]):
             for frame, insert in renderer.draw(self._stop.watch(frames), outputs.apart):
                 write(frame, insert)
                 count += 1
-                show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.image)
+                show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.view)
             warnings = [*tracks_warnings(tracks, self.reader.warnings), *self.reader.warnings, *reader.warnings]
+            warnings += writer.warnings
             video = outputs.video.path if outputs.video else None
             if video and options.audio != "none" and info.has_audio and not holds_sound(video):
                 warnings.append(f"{video.suffix} holds no sound: it is left out")

@@ -52,7 +52,7 @@ RULES = (
     Rule(("smooth",), "--live", _has("live"), "a 1 euro filter takes its place"),
     Rule(("audio",), "--live", _has("live"), "a live output has no sound"),
     Rule(("streams", "location"), "--live", _has("live"), "a live output has the picture alone"),
-    Rule(("depth",), "--live", _has("live"), "a live output has 8 bits"),
+    Rule(("depth", "tonemap"), "--live", _has("live"), "a live output has 8 bits, in SDR"),
     Rule(
         ("codec", "crf", "overwrite"),
         "-o -",

@@ -119,6 +119,7 @@ class RenderingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     codec: str | UnsetType = UNSET
     crf: Annotated[float, Meta(ge=0, le=63)] | UnsetType = UNSET
     depth: Depth | UnsetType = UNSET
+    tonemap: bool | UnsetType = UNSET
     alpha: Alpha | UnsetType = UNSET
     layer_codec: str | UnsetType = UNSET
     start_number: Annotated[int, Meta(ge=0)] | UnsetType = UNSET

@@ -112,6 +112,7 @@ def replace_parser() -> Parser:
         help="bits a sample: 8, 10, 12; source: as many as it has, and its chroma; auto (default): as many, as "
         "far as the codec has them",
     )
+    add("--tonemap", action="store_const", const=True, help="show an HDR source in SDR (default: it stays HDR)")
     add("--alpha", choices=CHOICES["alpha"], help="colours of the layer (default: straight; OpenEXR is premultiplied)")
     add(
         "--start-number", type=int, metavar="N", help="of image sequences that are written (default: the input's, or 0)"

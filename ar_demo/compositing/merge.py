@@ -1,7 +1,7 @@
 """Lay a layer on a frame: blurred, blended and hidden as it is to be.
 
 Tile by tile, so that what is worked out stays in the cache; in float, with one rounding at the end, but where an 8 bit
-layer is laid on as it is.
+layer is laid on as it is. On HDR it is laid in light.
 """
 
 from collections.abc import Iterator
@@ -14,6 +14,7 @@ from hdn.imaging.arrays import Array, Box, Floats, Grey, Image
 from hdn.imaging.blur import blurred
 
 from ..choices import Blend
+from ..hdr import Hdr, graded, ungraded
 from ..scene.occlusion import Occluder
 from .blend import BLENDS
 from .layer import Frame, Layer, as_box, in_float, peak
@@ -42,6 +43,7 @@ def merge(
     blur: Array | None = None,
     occluder: Occluder | None = None,
     cover: Grey | None = None,
+    hdr: Hdr | None = None,
 ) -> Box | None:
     """Lays a layer on a frame, in place.
 
@@ -53,6 +55,7 @@ def merge(
         blur: (2, 2) px^2 of the frame, covariance of the Gaussian that the layer is blurred by.
         occluder: what lies over the layer, where there is one.
         cover: (H, W) 0..1, how much of each pixel was covered by earlier layers; this one is added.
+        hdr: how the frame's samples, of 16 bits, stand for light, on which the layer is SDR; None for a frame in SDR.
 
     Returns:
         The part of the frame that may have changed; None for none.
@@ -66,7 +69,9 @@ def merge(
         hiding = _Hiding.of(occluder, tile)
         if cover is not None:
             _cover(cover[tile], rgba, min(opacity, 1.0), hiding)
-        if blend != "normal" or hiding is not None:
+        if hdr is not None:
+            _lay_in_light(part, rgba, blend, min(opacity, 1.0), hiding, hdr)
+        elif blend != "normal" or hiding is not None:
             _lay(part, rgba, blend, min(opacity, 1.0), hiding)
         elif opacity < 1 or not part.dtype == rgba.dtype == np.uint8:
             _lay_over(part, rgba, min(opacity, 1.0))
@@ -157,7 +162,8 @@ def _lay(part: Frame, rgba: Image | Floats, blend: Blend, opacity: float, hiding
         colour = alpha * BLENDS[blend](behind, own)
     if hiding is not None:
         # The occluder lies atop the layer (Porter and Duff's operator): beside it, there is the frame already.
-        colour = colour * (1 - hiding.share) + alpha * hiding.colour
+        own = hiding.colour if part.dtype == np.uint8 else hiding.colour + hiding.share * _finer(part)
+        colour = colour * (1 - hiding.share) + alpha * own
     result = ground * (1 - opacity * alpha) + opacity * colour
     cv2.addWeighted(result, peak(part.dtype), result, 0, 0, dst=part, dtype=DEPTHS[part.dtype.name])
 
@@ -168,6 +174,45 @@ def _cover(cover: Grey, rgba: Image | Floats, opacity: float, hiding: _Hiding | 
     if hiding is not None:
         alpha = alpha * (1 - hiding.share[..., 0])
     cover += alpha * (1 - cover)
+
+
+def _finer(part: Frame) -> Floats:
+    """What a part of a frame of 16 bits has that 8 bits do not tell, 0..1."""
+    return in_float(part) - in_float((part >> 8).astype(np.uint8))
+
+
+def _lay_in_light(
+    part: Frame, rgba: Image | Floats, blend: Blend, opacity: float, hiding: _Hiding | None, hdr: Hdr
+) -> None:
+    """Lays premultiplied SDR on a part of an HDR frame (h, w, 3), both as light.
+
+    Blend modes take what is brighter than graphics white for white, and keep by how much it is.
+    """
+    rgba = in_float(rgba)
+    alpha = np.asarray(cv2.cvtColor(cv2.extractChannel(rgba, 3), cv2.COLOR_GRAY2RGB), np.float32)
+    touched = alpha > 0
+    if not touched.any():
+        return
+    colour = np.asarray(cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), np.float32)
+    own = hdr.of_graphics(np.clip(np.divide(colour, alpha, out=np.zeros_like(colour), where=touched), 0, 1))
+    deep = np.asarray(part, np.uint16)
+    ground = hdr.light(deep)
+    if blend != "normal":
+        behind = ground
+        if hiding is not None:
+            behind = np.where(hiding.share > 0, hdr.of_graphics(np.clip(hiding.behind, 0, 1)), ground)
+        seen = graded(np.asarray(behind, np.float32))
+        above = np.maximum(seen, np.float32(1))
+        white = np.float32(1)
+        mixed = np.clip(BLENDS[blend](np.minimum(seen, white), np.minimum(graded(own), white)), 0, 1) * above
+        own = ungraded(np.asarray(mixed, np.float32))
+    if hiding is not None:
+        # The occluder is known as a part of what SDR shows of each pixel; so much of the pixel's own light is its.
+        view = in_float(hdr.to_sdr(deep))
+        portion = np.clip(np.divide(hiding.colour, view, out=np.zeros_like(view), where=view > 0), 0, 1)
+        own = ungraded(graded(own) * (1 - hiding.share) + graded(ground) * portion)
+    result = hdr.signal(ground * (1 - opacity * alpha) + opacity * alpha * own)
+    np.copyto(part, result, where=touched)
 
 
 def _overlap(a: Box, b: Box) -> Box | None:

@@ -211,7 +211,6 @@ def _video(path: Path, alpha: bool) -> Iterator[TimedPicture]:
     with container:
         rate = frame_rate(stream)
         clock = Clock(rate, stream.time_base or 1 / rate)
-        to_rgb = color.ToRGB("rgba" if alpha else "rgb24")
         counter = itertools.count()
 
         def damaged() -> None:
@@ -225,8 +224,7 @@ def _video(path: Path, alpha: bool) -> Iterator[TimedPicture]:
             time = clock.time(frame)
             if begin is None:
                 begin, rotation, size = time, color.rotation_of(frame), (frame.width, frame.height)
-                if color.is_hdr(frame):
-                    log.warning("%s is HDR (PQ or HLG): it is taken as it is, without tone mapping", path.name)
+                to_rgb = color.ToRGB("rgba" if alpha else "rgb24", color.hdr_of(frame))
             yield time - begin, partial(_convert, to_rgb, frame, rotation, size)
 
 

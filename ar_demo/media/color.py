@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from hdn.imaging.arrays import Picture
 
+from ..hdr import HLG_PEAK, USUAL_PEAK, Hdr, Transfer
 from .floats import from_float, is_float
+from .mastering import Mastering
 
 _ACCURATE_RND, _FULL_CHROMA = 0x40000, 0x2000  # SWS_ACCURATE_RND and SWS_FULL_CHR_H_INT, which PyAV 17 does not name
 _TO_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND | _FULL_CHROMA
@@ -26,6 +28,7 @@ _FROM_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND
 
 # AVColorSpace (H.273 MatrixCoefficients) as tagged on a frame -> our name. Everything else counts as untagged.
 _TAGGED_MATRICES = {1: "bt709", 4: "fcc", 5: "bt601", 6: "bt601", 7: "smpte240m", 9: "bt2020", 10: "bt2020"}
+_HDR_TRANSFERS: dict[int, Transfer] = {16: "pq", 18: "hlg"}  # H.273 TransferCharacteristics
 # Our name -> swscale's SWS_CS_* number (PyAV 17 does not name them all).
 _SWS_NUMBERS = {"bt709": 1, "fcc": 4, "bt601": 5, "smpte240m": 7, "bt2020": 9}
 # Our name -> weights of red and blue in luma (H.273, MatrixCoefficients).
@@ -64,9 +67,20 @@ class Colour:
         """Writes the tags on a frame, or an encoder that is not open yet."""
         what.colorspace, what.color_range, what.color_primaries, what.color_trc = self.tags
 
+    def converted(self, pix_fmt: str) -> Colour:
+        """The colour for a pixel format that is not the picture's own: with HDR's light the same, else BT.709."""
+        primaries, transfer = self.tags[2:] if self.is_hdr else (1, 1)
+        if av.VideoFormat(pix_fmt).is_rgb or pix_fmt == "pal8":
+            return Colour("rgb", True, (0, 2, primaries, transfer))
+        return Colour("bt2020", False, (9, 1, primaries, transfer)) if self.is_hdr else BT709
+
+    @property
+    def is_hdr(self) -> bool:
+        """Whether the transfer curve is PQ or HLG."""
+        return self.tags[3] in _HDR_TRANSFERS
+
 
 BT709 = Colour("bt709", False, (1, 1, 1, 1))
-RGB = Colour("rgb", True, (0, 2, 1, 1))  # with BT.709's primaries and transfer
 
 
 def matrix_of(frame: av.VideoFrame) -> str:
@@ -84,9 +98,13 @@ def is_full_range(frame: av.VideoFrame) -> bool:
     return frame.color_range == ColorRange.JPEG or frame.format.name.startswith("yuvj") or frame.format.is_rgb
 
 
-def is_hdr(frame: av.VideoFrame) -> bool:
-    """Whether the transfer curve is PQ (SMPTE 2084) or HLG (ARIB STD-B67)."""
-    return frame.color_trc in (16, 18)
+def hdr_of(frame: av.VideoFrame) -> Hdr | None:
+    """How a frame's samples stand for light, where its transfer curve is PQ or HLG; None for SDR."""
+    transfer = _HDR_TRANSFERS.get(frame.color_trc)
+    if transfer is None:
+        return None
+    peak = Mastering.of(frame).peak if transfer == "pq" else HLG_PEAK
+    return Hdr(transfer, frame.color_primaries, peak or USUAL_PEAK)
 
 
 def depth_of(frame: av.VideoFrame) -> int:
@@ -102,9 +120,12 @@ def rotation_of(frame: av.VideoFrame) -> int:
 class ToRGB:
     """Converts decoded frames to upright RGB (or RGBA) arrays; keeps swscale's tables between frames."""
 
-    def __init__(self, form: Literal["rgb24", "rgba", "rgb48"] = "rgb24") -> None:
-        """Args: form: uint8 with 3 or 4 channels, or uint16 with 3, in full scale and from the source's own depth."""
-        self._form = form
+    def __init__(self, form: Literal["rgb24", "rgba", "rgb48"] = "rgb24", tonemap: Hdr | None = None) -> None:
+        """Args:
+        form: uint8 with 3 or 4 channels, or uint16 with 3, in full scale and from the source's own depth.
+        tonemap: how the frames' samples stand for light, to have them shown in SDR; None takes them as they are.
+        """
+        self._form, self._hdr = form, tonemap
         self._reformatter = VideoReformatter()
 
     def __call__(self, frame: av.VideoFrame, rotation: int = 0, size: tuple[int, int] | None = None) -> Picture:
@@ -121,6 +142,13 @@ class ToRGB:
         width, height = size or (frame.width, frame.height)
         if is_float(frame):
             image = from_float(frame, width, height, deep=self._form == "rgb48")
+        elif self._hdr is not None:
+            image = self._hdr.to_sdr(self._deep(frame, width, height))
+            if self._form != "rgb48":
+                image = (image >> 8).astype(np.uint8)
+            if self._form == "rgba":
+                alpha = self._reformat(frame, width, height, "rgba", ColorRange.JPEG)[..., 3]
+                image = np.dstack([image, alpha])
         elif self._form == "rgb48":
             image = self._deep(frame, width, height)
         else:

@@ -9,6 +9,7 @@ from pathlib import Path
 from ..choices import Depth
 from . import codecs
 from .color import Colour
+from .mastering import Mastering
 from .planes import plain
 from .reader import VideoInfo
 
@@ -23,41 +24,59 @@ class Form:
         codec: by its name in the table, or FFmpeg's encoder.
         depth: bits per sample.
         pixel_format: the source's, where it is preferred among those of this depth; None for 4:2:0.
-        colour: the source's.
+        colour: the source's; None for BT.709.
+        mastering: what an HDR source says of itself, where the output is HDR.
+        warnings: what the source has and the output has not, though it was not asked for.
     """
 
     codec: str
     depth: int
     pixel_format: str | None
-    colour: Colour
+    colour: Colour | None
+    mastering: Mastering | None = None
+    warnings: tuple[str, ...] = ()
 
 
-def form_of(output: Path, info: VideoInfo, depth: Depth, codec: str | None) -> Form:
+def form_of(output: Path, info: VideoInfo, depth: Depth, codec: str | None, tonemap: bool = False) -> Form:
     """The form in which a video is written.
 
     Bits stay as many as the source's where the codec has them. Chroma stays where there are more than 8 bits, or that
-    is asked for; else it becomes 4:2:0, for players often know nothing else in 8 bits.
+    is asked for; else it becomes 4:2:0, for players often know nothing else in 8 bits. HDR stays where there are more
+    than 8 bits, which do not hold it without steps.
 
     Args:
         output: with the ending of a container or a picture.
         info: of the source.
         depth: bits as they are asked for.
         codec: as it is asked for; None for the container's usual, which depends on the bits.
+        tonemap: whether HDR is to be shown in SDR; it has 8 bits then, where nothing else is asked for.
 
     Raises:
         InputError: an unknown container or codec, or a codec that the container cannot hold.
     """
+    if depth == "auto" and tonemap and info.hdr is not None:
+        depth = "8"
     wanted = int(depth) if depth.isdigit() else info.depth
     if codecs.is_picture(output):
-        return Form(codecs.choose(output, codec).name, wanted, None, info.colour)
+        return Form(codecs.choose(output, codec).name, wanted, None, None if info.hdr else info.colour)
     size = info.width, info.height
     chosen = codecs.choose(output, codec, depth=wanted)
     if codec is None and wanted > 8 and codecs.most_bits(chosen, wanted, *size) == 8:
         chosen = codecs.choose(output, None)
     bits = wanted
+    warnings: list[str] = []
     if depth == "auto" and wanted > 8:
         bits = codecs.most_bits(chosen, wanted, *size)
         if bits < wanted:
-            log.warning("%s does not hold %d bits in this size: the output has %d", chosen.title, wanted, bits)
+            warnings.append(f"{chosen.title} does not hold {wanted} bits in this size: the output has {bits}")
     keeps_chroma = depth == "source" or bits > 8 or plain(info.pixel_format) == "yuv420p"
-    return Form(chosen.name, bits, info.pixel_format if keeps_chroma else None, info.colour)
+    pixel_format = info.pixel_format if keeps_chroma else None
+    mastering = info.mastering
+    if info.hdr is not None and (tonemap or bits == 8):
+        log.info("%s is HDR: it is shown in SDR, by BT.2390's curve", info.path.name)
+        return Form(chosen.name, bits, pixel_format, None, None, tuple(warnings))
+    if info.dynamic is not None:
+        warnings.append(f"{info.dynamic} dynamic metadata cannot be kept: {info.path.name} becomes plain HDR")
+    if mastering is not None and not mastering.can_be_written(chosen.encoder):
+        warnings.append(f"{chosen.title} has no place for the mastering display's metadata: they are left out")
+    return Form(chosen.name, bits, pixel_format, info.colour, mastering, tuple(warnings))

@@ -77,7 +77,7 @@ class Stream(AbstractContextManager["Stream"]):
 
         What goes wrong in the thread that decodes is raised here.
         """
-        to_rgb = color.ToRGB()
+        to_rgb = color.ToRGB(tonemap=color.hdr_of(self._first))
         self._thread.start()
         while not stop.is_set():
             with self._ready:

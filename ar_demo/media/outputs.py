@@ -46,6 +46,7 @@ def open_output(
             depth=form.depth,
             pixel_format=form.pixel_format,
             colour=form.colour,
+            mastering=form.mastering,
             alpha=alpha,
         )
     if crf is not None:

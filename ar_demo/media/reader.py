@@ -13,16 +13,19 @@ from threading import Lock
 from typing import Literal
 
 import av
+import numpy as np
 from av.container import InputContainer
 from av.video.stream import VideoStream
 
-from hdn.imaging.arrays import Box, Picture
+from hdn.imaging.arrays import Box, Image, Picture
 
 from ..errors import InputError, RunError
+from ..hdr import Hdr
 from . import color
 from .decode import Clock, decode, frame_rate, open_video, stream_duration
 from .fingerprint import fingerprint
 from .index import Index, demux
+from .mastering import Mastering, dynamic_metadata
 from .planes import Planes, can_be_kept
 from .sequences import ImageSequence
 
@@ -56,6 +59,9 @@ class VideoInfo:
         depth: bits per sample of the source.
         pixel_format: of the source, by FFmpeg's name.
         colour: how its samples are to be understood.
+        hdr: how they stand for light, where that is HDR; None for SDR.
+        mastering: what it says of its mastering, where it is HDR.
+        dynamic: whose metadata for each single frame it has, where it is HDR, as "Dolby Vision's"; None for none.
         has_audio: whether there is sound beside the picture.
         first_number: that the first picture of an image sequence has in its name; 0 where it has none.
     """
@@ -72,6 +78,9 @@ class VideoInfo:
     depth: int
     pixel_format: str
     colour: color.Colour
+    hdr: Hdr | None
+    mastering: Mastering | None
+    dynamic: str | None
     has_audio: bool
     first_number: int = 0
 
@@ -87,6 +96,8 @@ class Frame:
         image: (H, W, 3) RGB, upright; uint8, or uint16 from 0 to 65535 where the reader was asked for 16 bits.
         planes: the picture as it was decoded; None where its samples cannot be kept.
         drawn: where `image` was drawn into since.
+        hdr: how the image's samples stand for light, where it has 16 bits and is HDR; None for SDR.
+        view: (H, W, 3) the image in SDR and 8 bits, to be looked at; the same array where it is so.
     """
 
     index: int
@@ -95,6 +106,22 @@ class Frame:
     image: Picture
     planes: Planes | None = None
     drawn: list[Box] = field(default_factory=list)
+    hdr: Hdr | None = None
+    view: Image = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "view", self._seen(self.image))
+
+    def add_drawn(self, box: Box) -> None:
+        """Takes note of a box that the image was drawn into."""
+        self.drawn.append(box)
+        if self.view is not self.image:
+            self.view[box] = self._seen(self.image[box])
+
+    def _seen(self, image: Picture) -> Image:
+        if image.dtype == np.uint8:
+            return image
+        return np.asarray((image if self.hdr is None else self.hdr.to_sdr(image)) >> 8, np.uint8)
 
 
 @dataclass(frozen=True)
@@ -119,12 +146,13 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         fingerprint: of its first frames, as many as given, see `media.fingerprint`; worked out once.
     """
 
-    def __init__(self, path: Path | str | ImageSequence, depth: Literal[8, 16] = 8) -> None:
+    def __init__(self, path: Path | str | ImageSequence, depth: Literal[8, 16] = 8, tonemap: bool = True) -> None:
         """Opens a video and decodes its first frame.
 
         Args:
             path: the file; or pictures, see `ImageSequence.find`.
             depth: bits per sample of the frames: 8 gives uint8; 16 gives uint16 in full scale, without going through 8.
+            tonemap: whether HDR is shown in SDR (BT.709); with 16 bits it may be left as it is.
 
         Raises:
             InputError: the file is missing, unreadable, no video, or has no picture that can be decoded.
@@ -134,6 +162,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         self.source: Path | ImageSequence = pictures or self.path
         self.warnings: list[str] = []
         self._form: Literal["rgb24", "rgb48"] = "rgb24" if depth == 8 else "rgb48"
+        self._tonemap = tonemap or depth == 8
         self._containers: list[InputContainer] = []
         self._promised: Fraction | None = None  # the picture's length in seconds, as the header has it
         self._index = Index()
@@ -171,7 +200,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         Raises:
             IndexDropped: frames were given out under numbers that prove wrong, by this iteration or another.
         """
-        to_rgb = color.ToRGB(self._form)
+        to_rgb = color.ToRGB(self._form, self.info.hdr if self._tonemap else None)
         waiting = None  # a frame whose duration is known once the next one is decoded
         for decoded in self._decode_range(start, None if stop is None else stop + 1):
             if waiting is not None:
@@ -192,7 +221,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
             for _ in self._decode(stop + 1):  # one more tells how long the last one lasts
                 pass
         stop = min(stop, len(self._index))
-        to_rgb = color.ToRGB(self._form)
+        to_rgb = color.ToRGB(self._form, self.info.hdr if self._tonemap else None)
         bytes_each = self.info.width * self.info.height * 3 // 2  # 8 bit 4:2:0; others take more, but not much
         size = max(1, BACKWARD_BYTES // bytes_each)
         while stop > start:
@@ -211,8 +240,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         frame = first.frame
         self._rotation = color.rotation_of(frame)
         self._size = frame.width, frame.height
-        if color.is_hdr(frame):
-            self._warn(f"{self.path.name} is HDR (PQ or HLG): it is taken as it is, without tone mapping")
+        hdr = color.hdr_of(frame)
         sideways = self._rotation in (90, 270)
         container, stream = self._open()
         rate = frame_rate(stream)
@@ -232,6 +260,9 @@ class VideoReader(AbstractContextManager["VideoReader"]):
             depth=color.depth_of(frame),
             pixel_format=frame.format.name,
             colour=color.Colour.of(frame),
+            hdr=hdr,
+            mastering=Mastering.of(frame) if hdr is not None else None,
+            dynamic=dynamic_metadata(frame) if hdr is not None else None,
             has_audio=bool(container.streams.audio),
             first_number=self.source.first_number if isinstance(self.source, ImageSequence) else 0,
         )
@@ -260,7 +291,8 @@ class VideoReader(AbstractContextManager["VideoReader"]):
             self._warn(f"{self.path.name} changes its picture size on the way: it is scaled to the first frame's size")
         planes = Planes(frame, self._rotation) if same and can_be_kept(frame, self._rotation) else None
         image = to_rgb(frame, self._rotation, self._size)
-        return Frame(decoded.index, decoded.time, self._duration(decoded.index), image, planes)
+        hdr = None if self._tonemap else self.info.hdr
+        return Frame(decoded.index, decoded.time, self._duration(decoded.index), image, planes, hdr=hdr)
 
     def _duration(self, index: int) -> Fraction:
         times = self._index.times

@@ -23,7 +23,8 @@ from hdn.imaging.arrays import Box, Picture
 from ..errors import InputError, RunError
 from . import codecs
 from .claims import Claim, reason_of
-from .color import BT709, RGB, Colour, FromRGB
+from .color import BT709, Colour, FromRGB
+from .mastering import Mastering
 from .palette import ToPalette
 from .planes import Planes, plain
 from .streams import Streams
@@ -59,6 +60,7 @@ class VideoWriter:
         depth: int = 8,
         pixel_format: str | None = None,
         colour: Colour | None = None,
+        mastering: Mastering | None = None,
         alpha: bool = False,
     ) -> None:
         """Begins a file.
@@ -77,7 +79,9 @@ class VideoWriter:
             depth: bits per sample in the file: 8, 10, 12 ...; whatever frames are of.
             pixel_format: FFmpeg's name of the source's, which is preferred where it has this depth and the codec takes
                 it; None takes 4:2:0 before others.
-            colour: of the source; kept where its pixel format is, or with alpha, else the file is in BT.709.
+            colour: of the source; kept where its pixel format is, or with alpha. Else the file is in BT.709, or in
+                BT.2020 with the source's transfer where that is HDR. None for BT.709.
+            mastering: what an HDR source says of itself, written where the codec has a place for it.
             alpha: whether frames have transparency.
 
         Raises:
@@ -92,10 +96,8 @@ class VideoWriter:
         pix_fmt = codecs.pixel_format(chosen, suffix, width, height, depth, like, alpha)
         if (width % 2 or height % 2) and pix_fmt.startswith("yuv444"):
             log.warning("odd size %dx%d is written as 4:4:4, which some players do not show", width, height)
-        if pix_fmt != like and (av.VideoFormat(pix_fmt).is_rgb or pix_fmt == "pal8"):
-            colour = RGB
-        elif colour is None or (pix_fmt != like and not alpha):
-            colour = BT709
+        if colour is None or (pix_fmt != like and not (alpha and pix_fmt.startswith("yuv"))):
+            colour = (colour or BT709).converted(pix_fmt)
 
         self._size = width, height
         self._rate = Fraction(rate)
@@ -119,7 +121,7 @@ class VideoWriter:
             options = dict(container.options)
             part = str(self._claim.part)
             self._container = av.open(part, "w", format=container.muxer, container_options=options)
-            self._stream = self._add_stream(chosen, crf, pix_fmt, pixel_aspect, fast)
+            self._stream = self._add_stream(chosen, crf, pix_fmt, pixel_aspect, fast, mastering)
             if streams is not None:
                 streams.attach(self._container, self._stream)
             self._container.start_encoding()
@@ -197,6 +199,7 @@ class VideoWriter:
             frame = planes.with_drawn(image, drawn, convert)
         else:
             frame = convert(image)
+        self._form[1].tag(frame)  # some encoders go by these, and some by their own
         frame.time_base, frame.pts = self._time_base, pts
         frame.duration = round((duration or 1 / self._rate) / self._time_base)
         if self._streams is not None:
@@ -224,12 +227,20 @@ class VideoWriter:
         self._leaves_out = True
 
     def _add_stream(
-        self, codec: codecs.Codec, crf: float | None, pix_fmt: str, pixel_aspect: Fraction, fast: bool
+        self,
+        codec: codecs.Codec,
+        crf: float | None,
+        pix_fmt: str,
+        pixel_aspect: Fraction,
+        fast: bool,
+        mastering: Mastering | None,
     ) -> VideoStream:
         width, height = self._size
         options = codec.options_for(pix_fmt) | {"crf": f"{DEFAULT_CRF if crf is None else crf:g}"}
         if fast and codec.encoder in ("libx264", "libx265"):
             options["preset"] = "ultrafast"
+        for name, value in (mastering.options(codec.encoder) if mastering else {}).items():
+            options[name] = f"{options[name]}:{value}" if name in options else value
         stream = cast(VideoStream, self._container.add_stream(codec.encoder, rate=self._rate, options=options))
         stream.time_base = self._time_base
         context = stream.codec_context

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hdn.imaging.arrays import Grey, Image, Picture
+from hdn.imaging.arrays import Grey, Image
 from hdn.networks.loading import load_matte
 from hdn.networks.matte import Matte
 
@@ -56,14 +56,10 @@ class _Drawn:
         """Draws into the frame; elapsed: seconds since the video began. cover: see `Painter.draw`."""
         if frame.index < len(self._poses):
             pose, opacity = self._poses[frame.index], float(self._opacities[frame.index])
-            box = self.painter.draw(frame.image, pose, opacity, elapsed - self._begin, conditions, cover)
+            after = elapsed - self._begin
+            box = self.painter.draw(frame.image, pose, opacity, after, conditions, cover, frame.hdr)
             if box is not None:
-                frame.drawn.append(box)
-
-
-def in_8_bits(image: Picture) -> Image:
-    """A frame (H, W, 3), uint8 or uint16, as what looks at it takes it: the same array where it has 8 bits already."""
-    return np.asarray(image if image.dtype == np.uint8 else image >> 8, np.uint8)
+                frame.add_drawn(box)
 
 
 class Renderer(AbstractContextManager["Renderer"]):
@@ -119,7 +115,7 @@ class Renderer(AbstractContextManager["Renderer"]):
             yield frame, Insert.of(before, frame.image, cover, frame.drawn)
 
     def _draw(self, frame: Frame, cover: Grey | None = None) -> None:
-        image, elapsed = in_8_bits(frame.image), frame.time - self._reader.times[0]
-        seen = [drawn.conditions(frame.index, image) for drawn in self._drawn]  # before anything is drawn
+        elapsed = frame.time - self._reader.times[0]
+        seen = [drawn.conditions(frame.index, frame.view) for drawn in self._drawn]  # before anything is drawn
         for drawn, conditions in zip(self._drawn, seen, strict=True):
             drawn.draw(frame, elapsed, conditions, cover)

@@ -16,6 +16,7 @@ from ..compositing.separation import Insert
 from ..errors import InputError
 from ..media.claims import Claim
 from ..media.codecs import is_picture
+from ..media.color import BT709
 from ..media.form import form_of
 from ..media.outputs import Writer, open_output
 from ..media.reader import Frame, VideoInfo
@@ -72,6 +73,8 @@ class OutputWriters(AbstractContextManager["OutputWriters"]):
 
     Attributes:
         is_deep: whether it takes frames of 16 bits per sample, else of 8.
+        tonemap: whether it takes HDR as it is shown in SDR.
+        warnings: what the video has and the outputs have not.
     """
 
     def __init__(
@@ -86,14 +89,21 @@ class OutputWriters(AbstractContextManager["OutputWriters"]):
         outputs.check(options)
         if options.start_number is not None:
             info = changed(info, first_number=options.start_number)
+        self.warnings: list[str] = []
+        # Pictures do not say that they are HDR.
+        self.tonemap = options.tonemap or (outputs.layer is not None and is_picture(outputs.layer.path))
         self._video: Writer | None = None
         self._apart: list[LayerWriter | MatteWriter] = []
         self._bits = 8
         with ExitStack() as opened:
             if outputs.video is not None:
-                form = form_of(outputs.video.path, info, options.depth, options.codec)
+                form = form_of(outputs.video.path, info, options.depth, options.codec, self.tonemap)
+                self.tonemap = form.colour is None
+                self.warnings += form.warnings
                 self._video, self._bits = open_output(outputs.video, info, form, options.crf, streams), form.depth
                 opened.push(self._video)
+            if self.tonemap and info.hdr is not None:
+                info = changed(info, colour=BT709)
             if outputs.layer is not None:
                 self._apart.append(LayerWriter(outputs.layer, info, options.layer_codec, options.alpha))
                 opened.push(self._apart[-1])

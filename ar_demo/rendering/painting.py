@@ -18,6 +18,7 @@ from ..compositing.layer import Frame, Layer, in_float
 from ..compositing.merge import merge
 from ..compositing.raster import WHOLE
 from ..errors import InputError
+from ..hdr import Hdr
 from ..media.ad import Ad, open_ad
 from ..scene.conditions import Conditions
 from ..scene.light import GRID, Light, as_it_was
@@ -66,6 +67,7 @@ class Painter(AbstractContextManager["Painter"]):
         time: Fraction,
         conditions: Conditions | None = None,
         cover: Grey | None = None,
+        hdr: Hdr | None = None,
     ) -> Box | None:
         """Draws into a frame (H, W, 3), in place.
 
@@ -75,6 +77,7 @@ class Painter(AbstractContextManager["Painter"]):
             time: seconds since the ad began.
             conditions: under which the surface is seen; None draws an ad as it is.
             cover: (H, W) 0..1, how much of each pixel is covered already; this is added.
+            hdr: how the frame's samples stand for light; None for SDR.
 
         Returns:
             The part of the frame that may have changed; None for none.
@@ -87,7 +90,9 @@ class Painter(AbstractContextManager["Painter"]):
         if layer is None:
             return None
         blur, occluder = (conditions.blur, conditions.occluder) if conditions else (None, None)
-        return merge(image, layer, self.surface.blend, strength, blur, occluder, cover)
+        if self.surface.effect in ("mosaic", "blur"):
+            hdr = None  # they are made of the frame's own samples
+        return merge(image, layer, self.surface.blend, strength, blur, occluder, cover, hdr)
 
     def layer(self, image: Frame, pose: Array, time: Fraction, light: Light | None = None) -> Layer | None:
         """What is to be laid on a frame (H, W, 3); None where there is nothing to see. See `draw`."""

@@ -63,6 +63,7 @@ OPTIONS: dict[str, list[str]] = {
     "codec": ["--codec", "libx265"],
     "depth": ["--depth", "source"],
     "fps": ["--fps", "24"],
+    "tonemap": ["--tonemap"],
     "layer": ["--layer", "l.mov"],
     "save_matte": ["--save-matte", "m.%04d.png"],
     "alpha": ["--alpha", "premultiplied"],

@@ -1,10 +1,14 @@
 """Merge: one rounding, at any depth; blur, opacity and occluders as in one picture; nothing else touched."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from ar_demo.choices import Blend
 from ar_demo.compositing.layer import Layer
 from ar_demo.compositing.merge import BLUR, blurred_layer, merge
+from ar_demo.hdr import Hdr
 from ar_demo.scene.occlusion import Occluder
 from hdn.imaging.arrays import Floats, Image
 
@@ -116,7 +120,9 @@ def test_an_occluder_lies_over_an_opaque_layer(dtype: type, depth: type) -> None
     merge(frame, Layer(BOX, np.full((140, 280, 4), 255 if dtype is np.uint8 else 1, dtype)), occluder=hides)
     inner = slice(40, 140), slice(10, 200)
     share = hides.share[:, 10:]
-    assert np.abs(frame[inner] - white * (1 - share + share * 60 / 255)).max() <= 0.55
+    before = frame_of(depth)[inner].astype(int)
+    finer = 0 if depth is np.uint8 else before - (before >> 8) * 257  # what the occluder's 8 bits lack
+    assert np.abs(frame[inner] - white * (1 - share + share * 60 / 255) - share * finer).max() <= 0.55
     assert (frame[5:40, 10:290] == white).all()
     assert (frame[5:145, 200:290] == white).all()
     assert (frame[:, :10] == frame_of(depth)[:, :10]).all()
@@ -148,3 +154,51 @@ def test_blending_is_with_the_surface_behind_the_occluder() -> None:
     share = hides.share[0, x, 0]
     assert frame[60, x] == pytest.approx(120 * 0.5 * (1 - share) + 60 * share, abs=0.51)
     assert frame[20, x] == pytest.approx(45, abs=0.51)
+
+
+HDR = Hdr("pq")
+
+
+def hdr_frame() -> Any:
+    """Light of up to five times graphics white."""
+    return HDR.signal(5 * noise(HEIGHT, WIDTH, 3) ** 2)
+
+
+@pytest.mark.parametrize("opacity", [1.0, 0.3])
+def test_a_layer_on_hdr_is_mixed_in_light(opacity: float) -> None:
+    frame, layer = hdr_frame(), layer_of(np.float32)
+    before = HDR.light(frame)
+    merge(frame, layer, opacity=opacity, hdr=HDR)
+    after = HDR.light(frame)
+    alpha = layer.rgba[..., 3:]
+    own = HDR.of_graphics((layer.rgba[..., :3] / np.maximum(alpha, 1e-6)).astype(np.float32))
+    expected = before.copy()
+    expected[BOX] = before[BOX] * (1 - opacity * alpha) + opacity * alpha * own
+    assert np.abs(after - expected).max() < 0.002 * expected.max()
+    untouched = np.ones((HEIGHT, WIDTH), bool)
+    untouched[BOX] = alpha[..., 0] == 0
+    assert (frame[untouched] == hdr_frame()[untouched]).all()
+
+
+def test_what_hides_a_surface_keeps_its_light_on_hdr() -> None:
+    """Where it hides all, the pixels are the frame's own, and brighter than anything in SDR."""
+    frame = HDR.signal(np.full((HEIGHT, WIDTH, 3), 3, np.float32))
+    seen = in_float(HDR.to_sdr(frame))[0, 0, 0] * 255
+    box = slice(40, 140), slice(0, 200)
+    share = np.zeros((100, 200, 3), np.float32)
+    share[:, 100:] = 1
+    hides = Occluder(box, share, share * np.float32(seen), np.full((100, 200, 3), 120, np.float32))
+    merge(frame, Layer(BOX, np.full((140, 280, 4), 255, np.uint8)), occluder=hides, hdr=HDR)
+    assert HDR.light(frame[60:61, 150:151]) == pytest.approx(3, rel=0.01)
+    assert HDR.light(frame[60:61, 50:51]) == pytest.approx(1, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("blend", "behind", "light"),
+    [("multiply", 0.5, 0.5), ("multiply", 3, 3), ("screen", 0.2, 1), ("screen", 3, 3), ("add", 3, 3)],
+)
+def test_blending_with_white_on_hdr(blend: Blend, behind: float, light: float) -> None:
+    """Highlights stay as far above white as they are."""
+    frame = HDR.signal(np.full((HEIGHT, WIDTH, 3), behind, np.float32))
+    merge(frame, Layer(BOX, np.full((140, 280, 4), 255, np.uint8)), blend, hdr=HDR)
+    assert HDR.light(frame[60:61, 50:51]) == pytest.approx(light, rel=0.01)

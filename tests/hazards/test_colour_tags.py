@@ -58,13 +58,6 @@ def test_old_full_range_format(tmp_path: Path) -> None:
     assert np.abs(error).max() <= 6
 
 
-def test_hdr_is_read_with_a_warning(tmp_path: Path) -> None:
-    clip = clips.make_clip(tmp_path / "h.mp4", clips.numbered(2), matrix=clips.BT2020, transfer=16)
-    reader = VideoReader(clip)
-    assert reader.info.colour.matrix == "bt2020"
-    assert any("tone mapping" in warning for warning in reader.warnings)
-
-
 @pytest.mark.parametrize(("size", "suffix"), [((1280, 720), "mp4"), ((192, 144), "mp4"), ((192, 144), "webm")])
 def test_colour_comes_back_and_is_tagged(tmp_path: Path, size: tuple[int, int], suffix: str) -> None:
     chart = clips.color_chart(*size)

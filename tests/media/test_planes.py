@@ -28,7 +28,7 @@ def noisy(count: int, seed: int = 0) -> list[clips.Image]:
 
 def red_in_the_box(frame: Frame) -> None:
     frame.image[BOX] = (np.iinfo(frame.image.dtype).max, 0, 0)
-    frame.drawn.append(BOX)
+    frame.add_drawn(BOX)
 
 
 def through(
