@@ -1,4 +1,5 @@
 import logging
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -54,6 +55,14 @@ def shared_networks(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
         return Tracker(weights, device, None if weights else engine)
 
     monkeypatch.setattr(protocol, "Tracker", tracker)
+
+
+@pytest.fixture(autouse=True)
+def _no_defaults_of_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The person who runs the tests may have some."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", "/nowhere")
+    for name in [name for name in os.environ if name.startswith("AR_REPLACE_")]:
+        monkeypatch.delenv(name)
 
 
 @pytest.fixture(autouse=True)

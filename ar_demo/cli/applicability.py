@@ -62,6 +62,11 @@ RULES = (
 )
 
 
+def inapplicable(given: Namespace) -> set[str]:
+    """The options that would do nothing beside those that are given."""
+    return {name for rule in RULES if rule.case(given) for name in rule.options}
+
+
 def check_applicable(given: Namespace) -> None:
     """Raises InputError for an option that would do nothing beside the others that are given."""
     for rule in RULES:

@@ -20,7 +20,8 @@ from ..session import claimed_output
 from ..surface import ADS_ALONE, Keyframe, Moment, Span, Surface, parse_polygon, parse_quad
 from ..tracking.corrections import needs_correction
 from ..words import counted
-from .applicability import STDOUT, check_applicable, flag
+from .applicability import STDOUT, check_applicable, flag, inapplicable
+from .defaults import Defaults, load_defaults
 from .display import Display, display_of
 from .exports import exports_of
 from .jobs import Job, load_job
@@ -32,11 +33,13 @@ NO_SURFACE = "say where the surface is: --quad x,y x,y x,y x,y, or --track track
 
 def replace_command(given: Namespace) -> int:
     """ar-replace, by what is given on its command line."""
+    defaults = load_defaults().without(inapplicable(given))
+    defaults.fill(given)
     with display_of(given, renders=True) as display:
-        return _replace(given, display)
+        return _replace(given, defaults, display)
 
 
-def _replace(given: Namespace, display: Display) -> int:
+def _replace(given: Namespace, defaults: Defaults, display: Display) -> int:
     log = set_up_logging("quiet" in given)
     check_applicable(given)
     job = load_job(given.job) if "job" in given else None
@@ -45,9 +48,11 @@ def _replace(given: Namespace, display: Display) -> int:
         raise InputError("name the video: ar-replace VIDEO AD --quad ...")
     if "live" not in given:
         input = _source(input, _either("fps", given, job.fps if job else None))
-    tracking = TrackingOptions(**(job.tracking_options() if job else {}) | _of(TrackingOptions, given))
-    options = OutputOptions(**(job.output_options() if job else {}) | _of(OutputOptions, given))
-    surfaces = _surfaces(given, job, input)
+    in_job = job.tracking_options() if job else {}
+    tracking = TrackingOptions(**defaults.tracking() | in_job | _of(TrackingOptions, given))
+    in_job = job.output_options() if job else {}
+    options = OutputOptions(**defaults.output() | in_job | _of(OutputOptions, given))
+    surfaces = _surfaces(given, job, input, defaults)
     _check_tracked(given, surfaces)
     output = _either("output", given, job.output if job else None)
     save_track = _either("save_track", given, job.save_track if job else None)
@@ -66,24 +71,26 @@ def _replace(given: Namespace, display: Display) -> int:
 
 def track_command(given: Namespace) -> int:
     """ar-track, by what is given on its command line."""
+    defaults = load_defaults()
+    defaults.fill(given)
     with display_of(given, renders=False) as display:
-        return _track(given, display)
+        return _track(given, defaults, display)
 
 
-def _track(given: Namespace, display: Display) -> int:
+def _track(given: Namespace, defaults: Defaults, display: Display) -> int:
     log = set_up_logging("quiet" in given)
     check_applicable(given)
     exports, export_options = exports_of(given)
     input = _source(given.input, getattr(given, "fps", None))
-    [surface] = _surfaces(given, None, input)
+    [surface] = _surfaces(given, None, input, Defaults())
     _check_tracked(given, [surface])
     output = given.output if "output" in given else beside(given.input, ".track.json")
-    options = OutputOptions(**_of(OutputOptions, given))
+    options = OutputOptions(**defaults.output() | _of(OutputOptions, given))
     pictures = {name: getattr(given, name) for name in ("save_map", "save_steady") if name in given}
     check_different([output, *pictures.values(), *exports])
     with ExitStack() as held:
         claims = [held.enter_context(claimed_output(file, options, given.input)) for file in exports]
-        tracking = TrackingOptions(**_of(TrackingOptions, given))
+        tracking = TrackingOptions(**defaults.tracking() | _of(TrackingOptions, given))
         result = track(input, surface, tracking, display, options=options, save_track=output, **pictures)
         warnings = result.warnings
         if exports:
@@ -133,27 +140,30 @@ def _source(input: Path | str, fps: str | float | None) -> Path | str | ImageSeq
     return ImageSequence.find(input, None if fps is None else parse_rate(fps)) or input
 
 
-def _surfaces(given: Namespace, job: Job | None, input: Path | str | ImageSequence) -> list[Surface]:
+def _surfaces(
+    given: Namespace, job: Job | None, input: Path | str | ImageSequence, defaults: Defaults
+) -> list[Surface]:
     """The surfaces of the input in whichever way they are given: --quad or --track, --surface, --job."""
     values = _of(Surface, given)
     if "track" in values:
         values["track"] = load_track(given.track, input, getattr(given, "first_frame", None))
     if job is not None:
-        return job.surfaces_with(values, input)
+        return job.surfaces_with(values, input, defaults.surface)
     if "surface" in given:
         with_ads = {ad != "-" for ad, _ in given.surface}
-        return [_placed(ad, corners, values, len(with_ads) == 2) for ad, corners in given.surface]
+        return [_placed(ad, corners, values, len(with_ads) == 2, defaults) for ad, corners in given.surface]
     if "keyframe" in given:
         values["keyframes"] = tuple(map(Keyframe.parse, given.keyframe))
     if "quad" not in values and "track" not in values:
         raise InputError(NO_SURFACE)
-    return [Surface(**values)]
+    return [Surface(**defaults.surface(values.get("effect", "replace")) | values)]
 
 
-def _placed(ad: str, corners: str, values: dict[str, Any], is_mixed: bool) -> Surface:
+def _placed(ad: str, corners: str, values: dict[str, Any], is_mixed: bool, defaults: Defaults) -> Surface:
     """A --surface; where there are such with an ad and such without, each takes the options that are of its kind."""
     others = ("effect",) if ad != "-" else ADS_ALONE
     own = {name: value for name, value in values.items() if not is_mixed or name not in others}
+    own = defaults.surface(own.get("effect", "replace")) | own
     return Surface(**own | {"ad": None if ad == "-" else Path(ad), "quad": parse_quad(corners)})
 
 

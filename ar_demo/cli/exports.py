@@ -13,16 +13,20 @@ from ..options import OutputOptions
 from ..session import check_output
 from ..tracks import Track
 from ..words import counted
+from .defaults import load_defaults
 from .reporting import set_up_logging, warn
 
 
 def export_command(given: Namespace) -> int:
     """ar-export, by what is given on its command line."""
+    defaults = load_defaults()
+    defaults.fill(given)
     log = set_up_logging("quiet" in given)
+    overwrite = "overwrite" in given or defaults.output().get("overwrite", False)
     given.export = given.files
     files, options = exports_of(given)
     for file in files:
-        check_output(file, OutputOptions(overwrite="overwrite" in given), given.track)
+        check_output(file, OutputOptions(overwrite=overwrite), given.track)
     check_different(files)
     track = Track.load(given.track)
     warnings = export_track(track, files, getattr(given, "format", ()), options)

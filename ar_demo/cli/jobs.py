@@ -19,7 +19,7 @@ named count before the job's. Files are looked for beside the job file. `job.sch
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -68,9 +68,13 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     flat: bool | UnsetType = UNSET
 
     def surface(
-        self, folder: Path, common: Mapping[str, Any], video: Path | str | ImageSequence | None = None
+        self,
+        folder: Path,
+        common: Mapping[str, Any],
+        video: Path | str | ImageSequence | None,
+        defaults: Callable[[str], Mapping[str, Any]],
     ) -> Surface:
-        """The surface of a video; `common` has what is not said here.
+        """The surface of a video; `common` has what is not said here, `defaults`, by effect, what is said nowhere.
 
         Raises:
             InputError: corners, a frame or a file that cannot be read, or options that do not go together.
@@ -96,7 +100,8 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
             raise InputError("first_frame does nothing without track: leave it out")
         elif "quad" not in given:
             raise InputError("it has neither quad nor track: give its corners")
-        return Surface(**dict(common) | given)
+        said = dict(common) | given
+        return Surface(**dict(defaults(said.get("effect", "replace"))) | said)
 
 
 class TrackingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
@@ -158,9 +163,15 @@ class Job:
         )
 
     def surfaces_with(
-        self, common: Mapping[str, Any], video: Path | str | ImageSequence | None = None
+        self,
+        common: Mapping[str, Any],
+        video: Path | str | ImageSequence | None = None,
+        defaults: Callable[[str], Mapping[str, Any]] = lambda effect: {},
     ) -> list[Surface]:
-        """The surfaces of a video; `common` has what they do not say, by the names of `Surface`'s fields.
+        """The surfaces of a video, by the names of `Surface`'s fields.
+
+        Args:
+            common: what they do not say. defaults: by effect, what is said nowhere.
 
         Raises:
             InputError: one that is not as described; the message says which.
@@ -168,7 +179,7 @@ class Job:
         found = []
         for number, entry in enumerate(self._entry.surfaces):
             try:
-                found.append(entry.surface(self._path.parent, common, video))
+                found.append(entry.surface(self._path.parent, common, video, defaults))
             except InputError as error:
                 raise InputError(f"{self._path}: {error} - at `$.surfaces[{number}]`") from error
         return found
