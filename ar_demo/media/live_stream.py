@@ -1,11 +1,13 @@
 """Live sources: frames as they come, late ones dropped."""
 
+import logging
 import platform
 import re
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from threading import Condition, Event, Thread
 from typing import Any
@@ -17,7 +19,10 @@ from av.video.stream import VideoStream
 from ..errors import InputError
 from . import color
 from .decode import Clock, decode, frame_rate, open_video
+from .deinterlacing import deinterlaced, is_interlaced
 from .reader import Frame
+
+log = logging.getLogger(__name__)
 
 TIMEOUT_SECONDS = 10.0  # seconds without an answer after which a network source counts as gone
 
@@ -55,6 +60,10 @@ class Stream(AbstractContextManager["Stream"]):
         if first is None:
             self._container.close()
             raise InputError(f"{source} shows no frame that can be decoded: check the source")
+        if is_interlaced(first, self._stream.codec_context):
+            log.info("%s is interlaced: it is deinterlaced (bwdif), a frame late", source)
+            self._frames = deinterlaced(chain([first], self._frames))
+            first = next(self._frames)
         self._first = first
         self._rotation = color.rotation_of(first)
         self._size = first.width, first.height

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from dataclasses import replace as changed
 from fractions import Fraction
 from functools import cache, partial
 from pathlib import Path
@@ -23,6 +25,7 @@ from ..errors import InputError, RunError
 from ..hdr import Hdr
 from . import color
 from .decode import Clock, decode, frame_rate, open_video, stream_duration
+from .deinterlacing import deinterlaced, is_interlaced
 from .fingerprint import fingerprint
 from .index import Index, demux
 from .mastering import Mastering, dynamic_metadata
@@ -202,7 +205,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         """
         to_rgb = color.ToRGB(self._form, self.info.hdr if self._tonemap else None)
         waiting = None  # a frame whose duration is known once the next one is decoded
-        for decoded in self._decode_range(start, None if stop is None else stop + 1):
+        for decoded in self._whole_frames(start, None if stop is None else stop + 1):
             if waiting is not None:
                 yield self._finish(waiting, to_rgb)
             waiting = decoded
@@ -226,7 +229,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         size = max(1, BACKWARD_BYTES // bytes_each)
         while stop > start:
             first = max(start, stop - size)
-            chunk = list(self._decode_range(first, stop))
+            chunk = list(self._whole_frames(first, stop))
             while chunk:
                 yield self._finish(chunk.pop(), to_rgb)
             stop = first
@@ -243,6 +246,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         hdr = color.hdr_of(frame)
         sideways = self._rotation in (90, 270)
         container, stream = self._open()
+        self._is_interlaced = is_interlaced(frame, stream.codec_context)
         rate = frame_rate(stream)
         self._promised = stream_duration(container, stream, first.time)
         duration = self._promised or (Fraction(container.duration, av.time_base) if container.duration else None)
@@ -392,6 +396,25 @@ class VideoReader(AbstractContextManager["VideoReader"]):
                 f"({float(found):.2f} of {float(self._promised):.2f} s): "
                 "what was decoded up to there is used"
             )
+
+    def _whole_frames(self, start: int, stop: int | None) -> Iterator[_Decoded]:
+        """Frames start to stop - 1, deinterlaced where they are interlaced, by the frames around them."""
+        if not self._is_interlaced:
+            yield from self._decode_range(start, stop)
+            return
+        taken: deque[_Decoded] = deque()
+
+        def take() -> Iterator[av.VideoFrame]:
+            for decoded in self._decode_range(max(start - 1, 0), None if stop is None else stop + 1):
+                if decoded.frame.interlaced_frame:
+                    self._warn(f"{self.path.name} is interlaced: it is deinterlaced (bwdif), a frame from each frame")
+                taken.append(decoded)
+                yield decoded.frame
+
+        for frame in deinterlaced(take()):
+            decoded = taken.popleft()
+            if start <= decoded.index and (stop is None or decoded.index < stop):
+                yield changed(decoded, frame=frame)
 
     def _decode_range(self, start: int, stop: int | None) -> Iterator[_Decoded]:
         """Frames start to stop - 1, by seeking to the key frame before them where that proves exact."""
