@@ -213,7 +213,7 @@ def _video(path: Path, alpha: bool) -> Iterator[TimedPicture]:
         clock = Clock(rate, stream.time_base or 1 / rate)
         counter = itertools.count()
 
-        def damaged() -> None:
+        def damaged(since: int | None) -> None:
             if next(counter) == 0:
                 log.warning("%s is damaged: what can be decoded is shown", path.name)
 

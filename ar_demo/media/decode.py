@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections import deque
 from collections.abc import Callable, Generator
 from fractions import Fraction
 from pathlib import Path
@@ -76,7 +78,7 @@ def has_alpha(stream: VideoStream) -> bool:
 
 
 def decode(
-    container: InputContainer, stream: VideoStream, on_damage: Callable[[], None], *, alpha: bool = False
+    container: InputContainer, stream: VideoStream, on_damage: Callable[[int | None], None], *, alpha: bool = False
 ) -> Generator[av.VideoFrame, None, None]:
     """Decoded frames in display order from where the container stands.
 
@@ -84,26 +86,32 @@ def decode(
 
     Args:
         container, stream: as `open_video` gives them.
-        on_damage: is called for each packet that does not decode, and where the file breaks off.
+        on_damage: is called for each packet that does not decode or is marked as damaged, and where the file breaks
+            off, with a timestamp from which on it may be, for decoders tell some packets later; None: not known.
         alpha: whether to keep the alpha plane of VP8 and VP9.
     """
     context: av.VideoCodecContext = stream.codec_context
     if alpha and context.codec.name in _ALPHA_DECODERS:
         context = cast(av.VideoCodecContext, av.CodecContext.create(_ALPHA_DECODERS[context.codec.name], "r"))
     packets = container.demux(stream)
+    recent: deque[int] = deque(maxlen=(context.thread_count or os.cpu_count() or 1) + 2)  # timestamps
     while True:
         try:
             packet = next(packets, None)
         except (av.FFmpegError, OSError):
-            on_damage()
+            on_damage(recent[-1] if recent else None)
             packet = None
+        if packet is not None and packet.pts is not None:
+            recent.append(packet.pts)
+        if packet is not None and packet.is_corrupt:
+            on_damage(packet.pts)
         try:
             # An empty packet (and None) drains the decoder.
             frames = context.decode(packet if packet is not None and packet.size else None)
         except av.error.EOFError:
             return  # drained already
         except (av.FFmpegError, OSError):
-            on_damage()
+            on_damage(min(recent, default=None))
             frames = []
         for frame in frames:
             if frame.time_base is None:

@@ -137,7 +137,7 @@ class Stream(AbstractContextManager["Stream"]):
                 self._ready.notify()
             frame, index = next(self._frames, None), index + 1
 
-    def _damaged(self) -> None:
+    def _damaged(self, since: int | None) -> None:
         message = f"{self.name} is damaged or broke off: what can be decoded is used"
         if message not in self.warnings:
             self.warnings.append(message)

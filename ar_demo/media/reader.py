@@ -24,6 +24,7 @@ from hdn.imaging.arrays import Box, Image, Picture
 from ..errors import InputError, RunError
 from ..hdr import Hdr
 from . import color
+from .damage import DamageWatch, told
 from .decode import Clock, decode, frame_rate, open_video, stream_duration
 from .deinterlacing import deinterlaced, is_interlaced
 from .fingerprint import fingerprint
@@ -100,6 +101,7 @@ class Frame:
         planes: the picture as it was decoded; None where its samples cannot be kept.
         drawn: where `image` was drawn into since.
         hdr: how the image's samples stand for light, where it has 16 bits and is HDR; None for SDR.
+        damaged: whether the file is damaged here, so that the picture may be wrong.
         view: (H, W, 3) the image in SDR and 8 bits, to be looked at; the same array where it is so.
     """
 
@@ -110,6 +112,7 @@ class Frame:
     planes: Planes | None = None
     drawn: list[Box] = field(default_factory=list)
     hdr: Hdr | None = None
+    damaged: bool = False
     view: Image = field(init=False)
 
     def __post_init__(self) -> None:
@@ -145,7 +148,6 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         path: the file, or what its pictures are called by.
         source: the file or the pictures, which others can read as well.
         info: what it says of itself.
-        warnings: what is wrong with the file but does not stop the reading (logged as well).
         fingerprint: of its first frames, as many as given, see `media.fingerprint`; worked out once.
     """
 
@@ -163,7 +165,10 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         pictures = path if isinstance(path, ImageSequence) else ImageSequence.find(path)
         self.path = Path(path)
         self.source: Path | ImageSequence = pictures or self.path
-        self.warnings: list[str] = []
+        self._told: list[str] = []
+        self._damaged: set[int] = set()  # frames seen so far that may be wrong
+        self._missing = 0  # frames seen to be missing
+        self._broken: int | None = None  # the frame after which a packet does not decode
         self._form: Literal["rgb24", "rgb48"] = "rgb24" if depth == 8 else "rgb48"
         self._tonemap = tonemap or depth == 8
         self._containers: list[InputContainer] = []
@@ -184,6 +189,16 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         for container in self._containers:
             container.close()
         self._containers.clear()
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is seen so far to be wrong with the file but does not stop the reading, one sentence each."""
+        name, damage = self.path.name, []
+        if self._damaged or self._missing:
+            damage = [told(name, self._damaged, self._missing)]
+        elif self._broken is not None:
+            damage = [f"{name} is damaged after frame {self._broken}: what can be decoded is used"]
+        return [*self._told, *damage]
 
     @property
     def seekable(self) -> bool:
@@ -284,8 +299,8 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         container.close()
 
     def _warn(self, message: str) -> None:
-        if message not in self.warnings:
-            self.warnings.append(message)
+        if message not in self._told:
+            self._told.append(message)
             log.warning(message)
 
     def _finish(self, decoded: _Decoded, to_rgb: color.ToRGB) -> Frame:
@@ -296,7 +311,8 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         planes = Planes(frame, self._rotation) if same and can_be_kept(frame, self._rotation) else None
         image = to_rgb(frame, self._rotation, self._size)
         hdr = None if self._tonemap else self.info.hdr
-        return Frame(decoded.index, decoded.time, self._duration(decoded.index), image, planes, hdr=hdr)
+        number, damaged = decoded.index, decoded.index in self._damaged
+        return Frame(number, decoded.time, self._duration(number), image, planes, hdr=hdr, damaged=damaged)
 
     def _duration(self, index: int) -> Fraction:
         times = self._index.times
@@ -313,22 +329,20 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         """Decodes from the first frame on, and compares what comes with the index, or adds it."""
         container, stream = self._open()
         try:
-            count = 0
-            broken = False
+            count, rate = 0, frame_rate(stream)
+            watch = DamageWatch(container.format.name, rate)
 
-            def damaged() -> None:
-                nonlocal broken
-                if not broken:
-                    self._warn(
-                        f"{self.path.name} is damaged after frame {max(count - 1, 0)}: what can be decoded is used"
-                    )
-                broken = True
+            def broken(since: int | None) -> None:
+                watch.broken(since)
+                if self._broken is None:
+                    self._broken = max(count - 1, 0)
 
-            rate = frame_rate(stream)
             clock = Clock(rate, stream.time_base or 1 / rate)
-            for frame in decode(container, stream, damaged):
+            for frame in decode(container, stream, broken):
                 time = clock.time(frame)
                 self._confirm(count, frame.pts, time, frame.key_frame)
+                self._damaged.update(watch.damaged(count, frame, time))
+                self._missing = max(self._missing, watch.missing)
                 yield _Decoded(count, time, frame)
                 count += 1
                 if count == stop:
@@ -443,7 +457,8 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         index, number = self._index, key
         try:
             container.seek(target, stream=stream)
-            for frame in decode(container, stream, lambda: None):
+            watch = DamageWatch(container.format.name, self.info.rate)
+            for frame in decode(container, stream, watch.broken):
                 pts = None if number == len(index) else index.pts[number]
                 if frame.pts is None or pts is None:
                     return
@@ -451,6 +466,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
                     continue  # from before the key frame: the seek landed earlier, or an open group's leading frames
                 if frame.pts != pts:
                     return
+                self._damaged.update(watch.damaged(number, frame, index.times[number]))
                 if number >= start:
                     with self._lock:
                         if number >= self._confirmed:

@@ -16,13 +16,29 @@ from .protocol import Estimate
 from .runs import Run
 
 
+@dataclass(frozen=True)
+class DoubtModel:
+    """How much less is believed of damaged frames: what conceals damage is often the picture before, a motion ago.
+
+    Attributes:
+        variance_ratio: factor on the covariance.
+        least_px: standard deviation of each coordinate beside that.
+    """
+
+    variance_ratio: float = 16.0
+    least_px: float = 2.0
+
+
+DOUBT = DoubtModel()
+
+
 @dataclass
 class Record:
     """All that was measured in n frames, on p ways through them; a way holds runs that do not overlap.
 
     Attributes:
         corners: (p, n, 8) px, NaN where nothing was measured. covariance: (p, n, 8, 8) px^2.
-        linked: (p, n - 1) whether frames k and k + 1 are of one run.
+        linked: (p, n - 1) whether frames k and k + 1 are of one run, and neither is damaged: its error is its own.
         states: (p, n) index into `STATES`, -1 where the way does not come by. confidence: (p, n) 0..1.
         steps: (n - 1, 3, 3) pixels of frame k to those of the next, NaN where not measured.
         step_covariance: (n - 1, 8, 8) px^2 of the corners moved by them.
@@ -84,14 +100,15 @@ class Record:
             self.confidence[way, index] = estimate.confidence
             if _is_measured(estimate):
                 self.corners[way, index] = estimate.corners.reshape(CORNERS)
-                self.covariance[way, index] = _covariance(estimate, estimate.deviation) + _covariance(
-                    None, run.template_deviation
-                )
+                covariance = _covariance(estimate, estimate.deviation) + _covariance(None, run.template_deviation)
+                self.covariance[way, index] = _doubted(covariance) if index in run.damaged else covariance
             step = getattr(estimate, "step", None)
             if k > 0:
-                self.linked[way, min(index, run.frames[k - 1])] = True
+                doubted = run.damaged.intersection((index, run.frames[k - 1]))
+                self.linked[way, min(index, run.frames[k - 1])] = not doubted
                 if step is not None:
-                    self._put_step(index, step.homography, step.covariance, run.backward)
+                    covariance = _doubted(step.covariance) if doubted else step.covariance
+                    self._put_step(index, step.homography, covariance, run.backward)
 
     def _put_step(self, index: int, homography: Array, covariance: Array, backward: bool) -> None:
         """A step to frame `index` from its neighbour; of several to the same frame the surest stays."""
@@ -115,6 +132,11 @@ class Record:
             self.linked[way, cut - 1] = False
         self.states[way] = [STATES.index(state) for state in track.states]
         self.confidence[way] = track.confidence
+
+
+def _doubted(covariance: Array) -> Array:
+    """(8, 8) px^2 of what a damaged frame tells."""
+    return np.asarray(DOUBT.variance_ratio * covariance + DOUBT.least_px**2 * np.eye(CORNERS))
 
 
 def _ways(runs: Iterable[Run]) -> list[list[Run]]:

@@ -37,7 +37,7 @@ def plane_pictures(
         show = Stage(listen, "look again", 0, end - first)
         with ahead(reader.frames(first, end)) as frames:
             for frame in stop.watch(frames):
-                if frame.index in wanted:
+                if frame.index in wanted and not frame.damaged:
                     seen = Observation(frame.image)
                     for builder, track, indices in zip(builders, tracks, chosen, strict=True):
                         if frame.index in indices:

@@ -24,6 +24,7 @@ class Run:
         template_deviation: px, standard deviation of the corners of the picture that the tracker compares with; 0 for
             that which the user gave.
         estimates: the tracker's, of the anchor's own frame first.
+        damaged: the frames among these whose picture may be wrong, since the file is damaged there.
     """
 
     anchor: int
@@ -32,6 +33,7 @@ class Run:
     fills: bool = False
     template_deviation: float = 0.0
     estimates: list[Estimate] = field(default_factory=list)
+    damaged: set[int] = field(default_factory=set)
 
     @property
     def backward(self) -> bool:
@@ -43,9 +45,11 @@ class Run:
         step = -1 if self.backward else 1
         return range(self.anchor, self.anchor + step * len(self.estimates), step)
 
-    def add(self, estimate: Estimate) -> bool:
-        """Takes the next frame's estimate; whether the run goes on."""
+    def add(self, estimate: Estimate, damaged: bool = False) -> bool:
+        """Takes the next frame's estimate, and whether its picture may be wrong; whether the run goes on."""
         self.estimates.append(estimate)
+        if damaged:
+            self.damaged.add(self.frames[-1])
         return self.frames[-1] != self.stop and not (self.fills and estimate.state == "lost")
 
 

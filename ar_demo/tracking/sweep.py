@@ -32,18 +32,23 @@ class Follower:
         """Whether a run goes through this frame, or begins there."""
         return self._current is not None or self._begins(index)
 
-    def see(self, index: int, frame: Observation, cut: bool) -> None:
-        """Takes the next frame; cut: whether it is of another shot than the one before."""
+    def see(self, index: int, frame: Observation, cut: bool, damaged: bool = False) -> None:
+        """Takes the next frame.
+
+        Args:
+            cut: whether it is of another shot than the one before.
+            damaged: whether its picture may be wrong: it is tracked, and counts for less.
+        """
         if self._current is not None:
             if cut:
                 self.tracker.lose()
-            if not self._current.add(self.tracker.track(frame)):
+            if not self._current.add(self.tracker.track(frame), damaged):
                 self._current = None
         if self._begins(index):
             run = self.runs[self._next]
             self._next += 1
             self.tracker.place(from_corners(self.quad, run.pose))
-            self._current = run if run.add(self.tracker.track(frame)) else None
+            self._current = run if run.add(self.tracker.track(frame), damaged) else None
 
     @property
     def state(self) -> State | None:
@@ -70,11 +75,12 @@ def sweep(frames: Iterable[Frame], followers: Sequence[Follower], cuts: set[int]
         active = [follower for follower in followers if follower.is_active(frame.index)]
         if active:
             seen = Observation(frame.image)
-            cut = detector.is_cut(frame.index, seen.grey)
+            # What a damaged file shows is now and then like nothing before it.
+            cut = not frame.damaged and detector.is_cut(frame.index, seen.grey)
             if cut:
                 cuts.add(max(frame.index, last))
             for follower in active:
-                follower.see(frame.index, seen, cut)
+                follower.see(frame.index, seen, cut, frame.damaged)
         last, end = frame.index, max(end, frame.index)
         show(tuple(follower.state if follower in active else None for follower in followers), frame.image)
     return end + 1
