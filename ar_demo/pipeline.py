@@ -1,21 +1,23 @@
 """The whole job in one call: track, smooth, render."""
 
 import time
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace as changed
 from glob import has_magic
 from pathlib import Path
+from typing import NamedTuple
 
 from .errors import InputError, RunError, Stopped
-from .media.claims import check_different, free_name
+from .media.claims import Claim, check_different, free_name
 from .media.codecs import check_video_name
 from .media.numbering import Numbering
 from .media.pictures import check_picture_name, write_picture
 from .media.sequences import SUFFIXES, ImageSequence
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, silent
-from .results import Result
+from .rendering.outputs import Outputs
+from .results import Plan, Result
 from .session import Session, check_output, claimed_output, claimed_outputs
 from .surface import Surface
 from .tracking.protocol import MakeTracker
@@ -51,20 +53,9 @@ def replace(
         replace("street.mp4", Surface("ad.mp4", parse_quad("100,80 300,80 300,240 100,240")), "out.mp4")
     """
     started = time.perf_counter()
-    surfaces = [surfaces] if isinstance(surfaces, Surface) else list(surfaces)
-    if not surfaces:
-        raise InputError("there is no surface: give one, with its quad or a track")
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
-    if output is None and layer is None and matte is None:
-        output = default_output(Path(input))
-    names = [Path(name) if name is not None else None for name in (output, layer, matte)]
-    files = track_files(Path(save_track), len(surfaces)) if save_track is not None else []
-    check_different([*filter(None, names), *files])
-    with ExitStack() as held, Session(input, listen) as session:
-        inputs = (input, *(surface.ad for surface in surfaces))
-        outputs = held.enter_context(claimed_outputs(names, options, *inputs))
-        claims = [held.enter_context(claimed_output(file, options, *inputs)) for file in files]
-        session.check(surfaces, outputs, options)
+    with _begun(input, surfaces, output, options, listen, save_track, layer, matte) as job:
+        session, surfaces, outputs, files, claims = job
         tracked = session.track(surfaces, tracking)
         for file, surface in zip(claims, tracked, strict=False):
             if surface.track is not None:
@@ -77,6 +68,64 @@ def replace(
                 raise
             raise RunError(f"{error}; {_kept([track for track in new if track], files, outputs.paths[0])}") from error
     return changed(result, seconds=time.perf_counter() - started)
+
+
+def plan_replacing(
+    input: Path | str | ImageSequence,
+    surfaces: Surface | Sequence[Surface],
+    output: Path | str | None = None,
+    tracking: TrackingOptions | None = None,
+    options: OutputOptions | None = None,
+    save_track: Path | str | None = None,
+    layer: Path | str | None = None,
+    matte: Path | str | None = None,
+) -> Plan:
+    """What `replace` would do: checks all that it checks before it works, and leaves nothing behind.
+
+    Raises:
+        InputError, RunError: see `replace`.
+    """
+    tracking, options = tracking or TrackingOptions(), options or OutputOptions()
+    with _begun(input, surfaces, output, options, silent, save_track, layer, matte) as job:
+        return job.session.plan(job.surfaces, tracking, [*job.outputs.paths, *job.files])
+
+
+class _Begun(NamedTuple):
+    """A job that is checked and about to be done: files are for the tracks, and claims are those on them."""
+
+    session: Session
+    surfaces: list[Surface]
+    outputs: Outputs
+    files: list[Path]
+    claims: list[Claim]
+
+
+@contextmanager
+def _begun(
+    input: Path | str | ImageSequence,
+    surfaces: Surface | Sequence[Surface],
+    output: Path | str | None,
+    options: OutputOptions,
+    listen: Listener,
+    save_track: Path | str | None,
+    layer: Path | str | None,
+    matte: Path | str | None,
+) -> Iterator[_Begun]:
+    """Checks what can be checked before the work, and claims all names for as long as the context lasts."""
+    surfaces = [surfaces] if isinstance(surfaces, Surface) else list(surfaces)
+    if not surfaces:
+        raise InputError("there is no surface: give one, with its quad or a track")
+    if output is None and layer is None and matte is None:
+        output = default_output(Path(input))
+    names = [Path(name) if name is not None else None for name in (output, layer, matte)]
+    files = track_files(Path(save_track), len(surfaces)) if save_track is not None else []
+    check_different([*filter(None, names), *files])
+    with ExitStack() as held, Session(input, listen) as session:
+        inputs = (input, *(surface.ad for surface in surfaces))
+        outputs = held.enter_context(claimed_outputs(names, options, *inputs))
+        claims = [held.enter_context(claimed_output(file, options, *inputs)) for file in files]
+        session.check(surfaces, outputs, options)
+        yield _Begun(session, surfaces, outputs, files, claims)
 
 
 def _kept(tracks: Sequence[Track], files: Sequence[Path], output: Path) -> str:
@@ -119,14 +168,7 @@ def track(
     """
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
     outputs = save_track, save_map, save_steady
-    named = [Path(path) for path in outputs if path is not None]
-    check_different(named)
-    for path in named:
-        check_output(path, options, input)
-    if save_map is not None:
-        check_picture_name(Path(save_map))
-    if save_steady is not None:
-        check_video_name(Path(save_steady))
+    _check_names(input, outputs, options)
     with ExitStack() as held, Session(input, listen, make_tracker) as session:
         file, picture, steady = (
             None if path is None else held.enter_context(claimed_output(path, options, input)) for path in outputs
@@ -140,6 +182,45 @@ def track(
         if steady is not None:
             session.steady(tracked.track, steady, options)
     return tracked.track
+
+
+def plan_tracking(
+    input: Path | str | ImageSequence,
+    surface: Surface,
+    tracking: TrackingOptions | None = None,
+    options: OutputOptions | None = None,
+    exports: Sequence[Path] = (),
+    save_track: Path | str | None = None,
+    save_map: Path | str | None = None,
+    save_steady: Path | str | None = None,
+) -> Plan:
+    """What `track`, and exports, would do: checks all that is checked before the work, and leaves nothing behind.
+
+    Raises:
+        InputError, RunError: see `track`.
+    """
+    tracking, options = tracking or TrackingOptions(), options or OutputOptions()
+    _check_names(input, (save_track, save_map, save_steady), options)
+    outputs = [Path(path) for path in (save_track, save_map, save_steady, *exports) if path is not None]
+    with ExitStack() as held, Session(input) as session:
+        for path in outputs:
+            held.enter_context(claimed_output(path, options, input))
+        return session.plan([surface], tracking, outputs)
+
+
+def _check_names(
+    input: Path | str | ImageSequence, outputs: tuple[Path | str | None, ...], options: OutputOptions
+) -> None:
+    """Raises InputError for a name that cannot be written to: of the track file, the map, the steady view."""
+    named = [Path(path) for path in outputs if path is not None]
+    check_different(named)
+    for path in named:
+        check_output(path, options, input)
+    _, picture, steady = outputs
+    if picture is not None:
+        check_picture_name(Path(picture))
+    if steady is not None:
+        check_video_name(Path(steady))
 
 
 KEPT = "{}.track.json"  # a track's file, by the name of the output that it was made for

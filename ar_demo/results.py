@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .words import counted
+
 
 @dataclass
 class Result:
@@ -53,6 +55,54 @@ class Result:
             "seconds": round(self.seconds, 3),
             "fps": round(self.fps, 2),
             "compositor": self.compositor,
+            "warnings": self.warnings,
+        }
+
+
+@dataclass
+class Plan:
+    """What would be done, after all checks: the summary of a dry run.
+
+    Attributes:
+        input: the video; size: (width, height) px; rate: frames per second; frames: None where it is not known.
+        surfaces: of each its ad, the frame of its quad, the first and last frame that are tracked (None for the video's
+            last), or, where it has a track, the states of its frames.
+        outputs: files that would be written.
+        warnings: what there is to say of the input.
+    """
+
+    input: Path
+    size: tuple[int, int]
+    rate: float
+    frames: int | None
+    surfaces: list[dict[str, Any]]
+    outputs: list[Path]
+    warnings: list[str]
+
+    def lines(self) -> list[str]:
+        """In words."""
+        long = "" if self.frames is None else f", {counted(self.frames, 'frame')}"
+        told = [f"{self.input}: {self.size[0]}x{self.size[1]}, {self.rate:.6g} frames/s{long}"]
+        for number, surface in enumerate(self.surfaces, 1):
+            if surface["states"] is None:
+                last = "the last" if surface["last"] is None else surface["last"]
+                how = f"corners in frame {surface['quad_frame']}, tracked from frame {surface['first']} to {last}"
+            else:
+                how = "has its track: " + ", ".join(f"{count} {state}" for state, count in surface["states"].items())
+            told.append(f"  surface {number}, {surface['ad'] or 'no ad'}: {how}")
+        return [*told, *(f"would write {path}" for path in self.outputs)]
+
+    def summary(self) -> dict[str, Any]:
+        """As JSON can hold it."""
+        return {
+            "dry_run": True,
+            "input": str(self.input),
+            "width": self.size[0],
+            "height": self.size[1],
+            "fps": round(self.rate, 6),
+            "frames": self.frames,
+            "surfaces": self.surfaces,
+            "outputs": [str(path) for path in self.outputs],
             "warnings": self.warnings,
         }
 

@@ -26,7 +26,7 @@ from .rendering.loop import Renderer
 from .rendering.outputs import Outputs, OutputWriters
 from .rendering.painting import check_ad
 from .rendering.steady import SteadyView
-from .results import Result, total
+from .results import Plan, Result, total
 from .stopping import StopSignal
 from .surface import FIRST, Moment, Span, Surface
 from .tracking.corrections import needs_correction
@@ -92,12 +92,52 @@ class Session(AbstractContextManager["Session"]):
             Stopped: see `stop`.
         """
         options = options or TrackingOptions()
+        surfaces = self._fitting(surfaces, options)
+        return self._numbered_rightly(lambda: self._track(surfaces, options))
+
+    def plan(self, surfaces: Sequence[Surface], options: TrackingOptions, outputs: Sequence[Path]) -> Plan:
+        """What `track` would do, once all has been checked that can be without it.
+
+        Args:
+            outputs: files that would be written.
+
+        Raises:
+            InputError: see `track`.
+        """
+        surfaces = self._fitting(surfaces, options)
+        passes, info = self._passes(options), self.reader.info
+        starts, first = passes.prepare([surface for surface in surfaces if surface.track is None])
+        at, told = iter(starts), []
+        times = self.reader.times
+        last = [i for i, time in enumerate(times) if is_within(options.last, i, time - times[0])][-1]
+        for surface in surfaces:
+            track = surface.track
+            if track is not None:
+                needs_correction(track, surface.keyframes)
+            told.append(
+                {
+                    "ad": surface.name,
+                    "quad_frame": next(at) if track is None else track.reference_frame,
+                    "first": first if track is None else track.first,
+                    "last": (last if self.reader.seekable else None) if track is None else track.last,
+                    "states": None if track is None else track.counts,
+                }
+            )
+        frames = len(times) if self.reader.seekable else info.frames
+        warnings = list(self.reader.warnings)
+        size = info.width, info.height
+        return Plan(self.reader.path, size, float(info.rate), frames, told, list(outputs), warnings)
+
+    def _fitting(self, surfaces: Sequence[Surface], options: TrackingOptions) -> Sequence[Surface]:
+        """The surfaces, those with a track within the span.
+
+        Raises:
+            InputError: a track of another video, or without a frame in the span.
+        """
         for surface in surfaces:
             if surface.track is not None:
                 check_belongs_to(surface.track, self.reader)
-        if options.time is not None:
-            surfaces = [_within(surface, options.time) for surface in surfaces]
-        return self._numbered_rightly(lambda: self._track(surfaces, options))
+        return surfaces if options.time is None else [_within(surface, options.time) for surface in surfaces]
 
     def _track(self, surfaces: Sequence[Surface], options: TrackingOptions) -> list[Surface]:
         new = [surface for surface in surfaces if surface.track is None]

@@ -92,6 +92,16 @@ class Track:
         return slice(None) if self.span is None else slice(self.span[0], self.span[1] + 1)
 
     @property
+    def first(self) -> int:
+        """The first frame of the span."""
+        return 0 if self.span is None else self.span[0]
+
+    @property
+    def last(self) -> int:
+        """The last frame of the span."""
+        return len(self) - 1 if self.span is None else self.span[1]
+
+    @property
     def seconds(self) -> tuple[Fraction, Fraction | None]:
         """When the span begins and ends, seconds from the first frame; None where it goes on to the video's end."""
         if self.span is None:

@@ -41,6 +41,8 @@ RULES = (
     Rule(("track", "keyframe"), "--live", _has("live"), "frames are seen once, as they come"),
     Rule(("end",), "--time", _has("time"), "it has an end of its own"),
     Rule(("time",), "--live", _has("live"), "frames are seen once, as they come"),
+    Rule(("dry_run",), "--live", _has("live"), "frames are seen once, as they come"),
+    Rule(("progress",), "--dry-run", _has("dry_run"), "nothing is worked on"),
     Rule(("save_track",), "--live", _has("live"), "live tracks are not kept"),
     Rule(("fps",), "--live", _has("live"), "frames have the times at which they come"),
     Rule(

@@ -14,8 +14,8 @@ from ..live import LiveSession
 from ..media.claims import check_different
 from ..media.sequences import ImageSequence, parse_rate
 from ..options import OutputOptions, TrackingOptions
-from ..pipeline import beside, replace, track
-from ..results import Result
+from ..pipeline import beside, default_output, plan_replacing, plan_tracking, replace, track
+from ..results import Plan, Result
 from ..session import claimed_output
 from ..surface import ADS_ALONE, Keyframe, Moment, Span, Surface, parse_polygon, parse_quad
 from ..tracking.corrections import needs_correction
@@ -25,7 +25,7 @@ from .defaults import Defaults, load_defaults
 from .display import Display, display_of
 from .exports import exports_of
 from .jobs import Job, load_job
-from .reporting import in_words, print_summary, set_up_logging, warn
+from .reporting import Log, in_words, print_summary, set_up_logging, warn
 from .stdio import standard_output, stopped_by_signals
 
 NO_SURFACE = "say where the surface is: --quad x,y x,y x,y x,y, or --track track.json"
@@ -50,14 +50,21 @@ def _replace(given: Namespace, defaults: Defaults, display: Display) -> int:
         input = _source(input, _either("fps", given, job.fps if job else None))
     in_job = job.tracking_options() if job else {}
     tracking = TrackingOptions(**defaults.tracking() | in_job | _of(TrackingOptions, given))
-    in_job = job.output_options() if job else {}
-    options = OutputOptions(**defaults.output() | in_job | _of(OutputOptions, given))
-    surfaces = _surfaces(given, job, input, defaults)
-    _check_tracked(given, surfaces)
     output = _either("output", given, job.output if job else None)
     save_track = _either("save_track", given, job.save_track if job else None)
     layer = _either("layer", given, job.layer if job else None)
     matte = _either("save_matte", given, job.save_matte if job else None)
+    said = (job.output_options() if job else {}) | _of(OutputOptions, given)
+    if "live" not in given:
+        if output is None and layer is None and matte is None:
+            output = default_output(Path(input))
+        defaults = defaults.fitting(None if output is None else Path(output), said.get("codec"))
+    options = OutputOptions(**defaults.output() | said)
+    surfaces = _surfaces(given, job, input, defaults)
+    _check_tracked(given, surfaces)
+    if "dry_run" in given:
+        plan = plan_replacing(input, surfaces, output, tracking, options, save_track, layer, matte)
+        return _tell(plan, given, log)
     if "live" in given:
         result = _live(str(input), surfaces, output, tracking, options, display)
     else:
@@ -85,12 +92,16 @@ def _track(given: Namespace, defaults: Defaults, display: Display) -> int:
     [surface] = _surfaces(given, None, input, Defaults())
     _check_tracked(given, [surface])
     output = given.output if "output" in given else beside(given.input, ".track.json")
+    defaults = defaults.fitting(getattr(given, "save_steady", None), None)
     options = OutputOptions(**defaults.output() | _of(OutputOptions, given))
     pictures = {name: getattr(given, name) for name in ("save_map", "save_steady") if name in given}
     check_different([output, *pictures.values(), *exports])
+    tracking = TrackingOptions(**defaults.tracking() | _of(TrackingOptions, given))
+    if "dry_run" in given:
+        plan = plan_tracking(input, surface, tracking, options, exports, save_track=output, **pictures)
+        return _tell(plan, given, log)
     with ExitStack() as held:
         claims = [held.enter_context(claimed_output(file, options, given.input)) for file in exports]
-        tracking = TrackingOptions(**defaults.tracking() | _of(TrackingOptions, given))
         result = track(input, surface, tracking, display, options=options, save_track=output, **pictures)
         warnings = result.warnings
         if exports:
@@ -101,6 +112,15 @@ def _track(given: Namespace, defaults: Defaults, display: Display) -> int:
     else:
         print(f"{output}: {counted(len(result), 'frame')} ({in_words(result.counts)})")
     return warn(warnings, log, "strict" in given)
+
+
+def _tell(plan: Plan, given: Namespace, log: Log) -> int:
+    """Prints what would be done."""
+    if "json" in given:
+        print(json.dumps(plan.summary()))
+    else:
+        print("\n".join([*plan.lines(), "nothing was written"]))
+    return warn(plan.warnings, log, "strict" in given)
 
 
 def _live(

@@ -23,10 +23,12 @@ from platformdirs import user_config_path
 
 from ..choices import ProgressKind
 from ..errors import InputError
+from ..media import codecs
 from ..options import OutputOptions, TrackingOptions
 from ..surface import ADS_ALONE, Surface
 from .jobs import RenderingEntry, SurfaceEntry, TrackingEntry
 
+WITH_QUALITY = ("h264", "h265", "av1", "vp9")  # the codecs that know a crf
 PREFIX = "AR_REPLACE_"
 REPORTING: dict[str, Any] = {"strict": bool, "quiet": bool, "json": bool, "progress": ProgressKind}
 # What is a matter of taste, or of the machine, and not of one job.
@@ -49,6 +51,23 @@ class Defaults:
     def without(self, names: Container[str]) -> "Defaults":
         """All others than these."""
         return Defaults({name: value for name, value in self._values.items() if name not in names})
+
+    def fitting(self, video: Path | None, codec: str | None) -> "Defaults":
+        """Without a codec that a video of this name does not hold, and a quality that its codec does not know.
+
+        Args:
+            video: None where none is written. codec: that is asked for; None leaves it to the defaults.
+        """
+        if video is None:
+            return self.without(("codec", "crf"))
+        for name in (codec, None) if codec else (self._values.get("codec"), None):
+            try:
+                knows_quality = codecs.choose(video, name).name in WITH_QUALITY
+            except InputError:
+                continue
+            unfit = (*(("codec",) if name is None else ()), *(() if knows_quality else ("crf",)))
+            return self.without(unfit)
+        return self
 
     def of(self, kind: type) -> dict[str, Any]:
         """Those of a dataclass of options."""

@@ -224,6 +224,9 @@ def _add_export(add: Any) -> None:
 
 def _add_progress(parser: Parser) -> None:
     parser.add_argument(
+        "--dry-run", action="store_true", help="check everything, say what would be done, and write nothing"
+    )
+    parser.add_argument(
         "--progress",
         choices=CHOICES["progress"],
         help="a bar (default on a terminal), a line now and then (both on stderr), or JSON lines or the lines of Open "

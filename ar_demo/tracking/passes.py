@@ -31,6 +31,8 @@ from .sweep import Follower, backward_stretches, sweep
 
 log = logging.getLogger(__name__)
 
+NO_QUAD = "tracking needs the surface's corners in the reference frame: give --quad or --track"
+
 
 @dataclass
 class Target:
@@ -101,7 +103,7 @@ class Passes:
             Stopped: somebody asked to.
         """
         if any(surface.quad is None for surface in surfaces):
-            raise InputError("tracking needs the surface's corners in the reference frame: give --quad or --track")
+            raise InputError(NO_QUAD)
         targets = self._targets(surfaces)
         self._both_ways(targets)
         self._again(targets)
@@ -109,6 +111,16 @@ class Passes:
             target.known.warnings = [*self.reader.warnings, *target.known.warnings]
             target.known.region = target.region
         return [target.known for target in targets]
+
+    def prepare(self, surfaces: Sequence[Surface]) -> tuple[list[int], int]:
+        """Does all that comes before the first pass: the frames of the surfaces' quads, and the first to be tracked.
+
+        Raises:
+            InputError: see `track`.
+        """
+        if any(surface.quad is None for surface in surfaces):
+            raise InputError(NO_QUAD)
+        return [target.start for target in self._targets(surfaces)] if surfaces else [], self.first
 
     def correct(self, track: Track, keyframes: Sequence[Keyframe]) -> Track:
         """A track with keyframes put in: tracked anew next to the keyframes that are new to it; see `needs_correction`.
@@ -121,7 +133,7 @@ class Passes:
             Stopped: somebody asked to.
         """
         track, n, start = deepcopy(track), len(track), track.reference_frame
-        self.first = 0 if track.span is None else track.span[0]
+        self.first = track.first
         track.keyframes = merged_keyframes(track, keyframes)
         changed = not_passed(track, track.keyframes)
         forward, back = (

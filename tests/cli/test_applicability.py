@@ -96,7 +96,7 @@ OPTIONS_OF_TRACK = {name: OPTIONS[name] for name in OF_BOTH} | {
     "lost_keys": ["--lost", "omit"],
 }
 # What is said about the work, and not what is done.
-REPORTING = {"help", "version", "print_completion", "progress", "strict", "quiet", "json", "input"}
+REPORTING = {"help", "version", "print_completion", "progress", "dry_run", "strict", "quiet", "json", "input"}
 
 
 @pytest.fixture

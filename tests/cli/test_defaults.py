@@ -89,6 +89,25 @@ def test_defaults_without_a_place_are_left_out(
             assert done[-1][2][0]["fit"] == "stretch"
 
 
+@pytest.mark.parametrize(
+    ("video", "codec", "left"),
+    [
+        ("o.mp4", None, {"codec": "h265", "crf": 20}),
+        ("o.webm", None, {"crf": 20}),
+        ("o.gif", None, {}),
+        ("o.%05d.png", None, {}),
+        (None, None, {}),
+        ("o.mov", "prores", {"codec": "h265"}),
+        ("o.xyz", None, {"codec": "h265", "crf": 20}),  # which is refused for its name
+    ],
+)
+def test_codec_and_quality_are_for_videos_that_have_them(
+    file: Path, video: str | None, codec: str | None, left: dict[str, Any]
+) -> None:
+    file.write_text('codec = "h265"\ncrf = 20\n')
+    assert load_defaults().fitting(None if video is None else Path(video), codec).output() == left
+
+
 def test_how_is_reported(run: Run, done: list[Any], file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file.write_text('json = true\nprogress = "openjd"\nquiet = true\n')
     for main, files in ((entry.replace_main, MODES["quad"]), (entry.track_main, ["in.mp4", "--quad", *QUAD])):
