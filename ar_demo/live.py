@@ -3,10 +3,9 @@
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from fractions import Fraction
-from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -14,8 +13,7 @@ import numpy as np
 
 from hdn import Observation
 from hdn.imaging.arrays import Array
-from hdn.networks.loading import load_matte
-from hdn.networks.matte import Matte
+from hdn.networks.loading import shared_matte
 from hdn.state import STATES, State
 
 from .compositing.compositor import open_compositor
@@ -109,11 +107,11 @@ class LiveSession:
         with ExitStack() as stack:
             stream = stack.enter_context(Stream(self.source))
             compositor = stack.enter_context(open_compositor(options.backend))
-            targets, matte = [], cache(load_matte)
+            targets = []
             for surface in self.surfaces:
                 assert surface.quad is not None
                 painter = Painter(surface, surface.quad, (stream.width, stream.height), compositor)
-                targets.append(_Target(surface, make_tracker(), stack.enter_context(painter), matte))
+                targets.append(_Target(surface, make_tracker(), stack.enter_context(painter)))
             writer = _open_output(output, stream, options)
             stack.enter_context(writer)
             log.info("live: %dx%d, without sound", stream.width, stream.height)
@@ -152,8 +150,8 @@ class LiveSession:
 class _Target:
     """One surface, live."""
 
-    def __init__(self, surface: Surface, tracker: PlanarTracker, painter: Painter, matte: Callable[[], Matte]) -> None:
-        self.surface, self.tracker, self.painter, self._matte = surface, tracker, painter, matte
+    def __init__(self, surface: Surface, tracker: PlanarTracker, painter: Painter) -> None:
+        self.surface, self.tracker, self.painter = surface, tracker, painter
         self.states: Counter[str] = Counter()
         self.started: Fraction | None = None
         self._filter = OneEuro()
@@ -175,7 +173,7 @@ class _Target:
             self.tracker.init(seen, quad, self.surface.tracking_region)
             self.started, self._opacity = elapsed, 1.0
             if self.surface.in_scene:
-                self._appearance = Appearance(frame.image, quad, self._matte())
+                self._appearance = Appearance(frame.image, quad, shared_matte())
         if cut:
             self.tracker.lose()
             self._opacity = 0.0

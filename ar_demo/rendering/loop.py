@@ -1,16 +1,14 @@
 """The render loop: ads onto their tracked surfaces, frame by frame."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from fractions import Fraction
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from hdn.imaging.arrays import Grey, Image
-from hdn.networks.loading import load_matte
-from hdn.networks.matte import Matte
+from hdn.networks.loading import shared_matte
 
 from ..choices import Backend
 from ..compositing.compositor import Compositor, open_compositor
@@ -31,9 +29,7 @@ class _Drawn:
         InputError: no ad, or not one that can be read.
     """
 
-    def __init__(
-        self, surface: Surface, track: Track, reader: VideoReader, compositor: Compositor, matte: Callable[[], Matte]
-    ) -> None:
+    def __init__(self, surface: Surface, track: Track, reader: VideoReader, compositor: Compositor) -> None:
         self.track = track
         self.painter = Painter(surface, track.quad, (reader.info.width, reader.info.height), compositor)
         self._poses, self._opacities = presentation(track, surface)
@@ -42,7 +38,7 @@ class _Drawn:
         if surface.in_scene:
             at = track.reference_frame
             for frame in reader.frames(at, at + 1):
-                self._appearance = Appearance(frame.image, track.quad, matte())
+                self._appearance = Appearance(frame.image, track.quad, shared_matte())
 
     def conditions(self, index: int, image: Image) -> Conditions | None:
         """Under which the surface is seen in a frame (H, W, 3) of this index; None where nothing is told."""
@@ -76,13 +72,12 @@ class Renderer(AbstractContextManager["Renderer"]):
         """
         self._reader = reader
         self._drawn: list[_Drawn] = []
-        matte = cache(load_matte)  # read where it is needed, once for all surfaces
         with ExitStack() as opened:  # closed where one of them fails
             self._compositor = opened.enter_context(open_compositor(backend))
             for surface in surfaces:
                 if surface.track is None:
                     raise InputError("a surface has no track yet: track it first")
-                drawn = _Drawn(surface, surface.track, reader, self._compositor, matte)
+                drawn = _Drawn(surface, surface.track, reader, self._compositor)
                 opened.enter_context(drawn.painter)
                 self._drawn.append(drawn)
             self._opened = opened.pop_all()

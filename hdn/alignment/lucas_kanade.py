@@ -6,6 +6,7 @@ robustly, so that an occluder or a glare does not pull.
 
 import copy
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -238,6 +239,57 @@ class Level:
         pixel = self._standard_pixel
         seen_only = hessian + scale * (MODEL.weak_prior / pixel**2 * np.eye(8) - prior)
         return Fit(warp, *(scale * np.linalg.inv(h) / pixel**2 for h in (hessian, seen_only)))
+
+    def step(
+        self,
+        search: Grey,
+        pose: Array,
+        expected: Array,
+        trust: Floats,
+        covariance: Array,
+        constraint: WarpConstraint = UNCONSTRAINED,
+    ) -> tuple[Array, Fit]:
+        """The pose (3, 3), template to frame, at which a frame fits the template, from one at which it was rectified.
+
+        Args:
+            search: (h, w) what `rectify` made of the frame at that pose.
+            pose: (3, 3).
+            expected: (3, 3) the pose that is likeliest without a look; covariance: (8, 8) of it, as `align` takes it.
+            trust, constraint: as `align` takes them.
+        """
+        warp = self.from_template @ np.linalg.inv(pose) @ expected @ self.to_template
+        fit = self.align(search, trust, warp, covariance, constraint)
+        return normalised(pose @ self.to_template @ fit.warp @ self.from_template), fit
+
+    def settle(
+        self,
+        frame: Pyramid,
+        pose: Array,
+        expected: Array,
+        covariance: Array,
+        weigh: Callable[[Grey, Array], Floats | None],
+        steps: int,
+        settled_px: float,
+    ) -> tuple[Array, Fit] | None:
+        """Steps, each with a grey frame rectified anew, until they move the pose no more.
+
+        Args:
+            pose, expected, covariance: as `step` takes them.
+            weigh: the trust in parts of the crop, by the rectified frame and its pose; None ends it without a result.
+            steps: at most.
+            settled_px: px of the standard crop, motion of the crop's corners by a step under which it is the last.
+        """
+        for _ in range(steps):
+            search = self.rectify(frame, pose)
+            trust = weigh(search, pose)
+            if trust is None:
+                return None
+            pose, fit = self.step(search, pose, expected, trust, covariance)
+            if not np.isfinite(pose).all():
+                return None
+            if self.corner_motion(fit.warp) < settled_px:
+                break
+        return pose, fit
 
     @property
     def best_covariance(self) -> Array:

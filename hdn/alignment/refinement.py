@@ -10,7 +10,7 @@ import numpy as np
 
 from ..imaging.arrays import Array, Floats, Grey, Image, Mask
 from ..imaging.blur import relative_blur, spectral_blur
-from ..imaging.homography import derivative, normalised, transform
+from ..imaging.homography import derivative, transform
 from ..imaging.observation import Observation
 from ..imaging.quads import outline, side
 from .agreement import CELLS, Agreement, cell_means
@@ -259,14 +259,12 @@ class Refiner:
     def _step(self, level: Level, frame: Observation, homography: Array, prior: Prior) -> Alignment:
         """One alignment at one level, from a pose that the steps before led to."""
         search, agreement = self._compare(level, frame, homography)
-        prior_warp = level.from_template @ np.linalg.inv(homography) @ prior.homography @ level.to_template
         trust = _finer(self._trust(agreement.correlation), len(prior.visibility)) * prior.visibility
         constraint = UNCONSTRAINED
         if self._borders:
             border = self._borders[level is not self._coarse]
             constraint = border.constraint(frame.colour, homography, as_cells(prior.visibility))
-        fit = level.align(search, trust, prior_warp, prior.covariance, constraint)
-        found = normalised(homography @ level.to_template @ fit.warp @ level.from_template)
+        found, fit = level.step(search, homography, prior.homography, trust, prior.covariance, constraint)
         return Alignment(found, agreement, fit.covariance, fit.measured, level.corner_motion(fit.warp), prior)
 
     def _compare(self, level: Level, frame: Observation, homography: Array) -> tuple[Grey, Agreement]:

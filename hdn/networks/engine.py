@@ -2,16 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..imaging.arrays import Array, Floats, Image
 from .config import Config
-
-if TYPE_CHECKING:
-    from .matte import Matte
 
 
 @dataclass(frozen=True)
@@ -97,18 +92,14 @@ class Engine:
         outputs = self.functions.compare(template, crop[None])
         return Residual(*self.functions.conclude(*outputs))
 
-    @cached_property
-    def _matte(self) -> "Matte":
-        from .loading import load_matte
-
-        return load_matte(device=self.device)
-
     def matte(self, frame: Image, template: Image, valid: Image | None = None) -> Floats:
         """How probably each pixel of a rectified frame crop shows the surface, see `Matte`; (128, 128), 0 to 1.
 
         Its network, the shipped one whatever the weights of the others, is read when first asked for.
         """
-        return self._matte(frame, template, valid)
+        from .loading import shared_matte
+
+        return shared_matte(self.device)(frame, template, valid)
 
 
 def survey_size(length: float) -> int:

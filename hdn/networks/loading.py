@@ -3,8 +3,10 @@
 import ctypes
 import logging
 import sys
+import threading
 from importlib.util import find_spec
 from pathlib import Path
+from typing import cast
 
 from ..errors import TORCH_MISSING, InputError
 from . import openvino
@@ -13,6 +15,8 @@ from .matte import Matte
 from .weights import MATTE, MATTE_FILE_NAME, architecture, configuration, shipped
 
 log = logging.getLogger(__name__)
+
+_of_thread = threading.local()  # its matte networks, by their device
 
 
 def load_engine(weights: Path | str | None = None, device: str = "auto") -> Engine:
@@ -61,6 +65,18 @@ def load_matte(weights: Path | str | None = None, device: str = "auto") -> Matte
         return torch_engine.matte(network, "cuda")
     log.info("%s is converted by PyTorch: 'hdn-train pack --weights' does it for good", path)
     return torch_engine.converted_matte(network)
+
+
+def shared_matte(device: str = "auto") -> Matte:
+    """The shipped matte network, which is loaded once in each thread: one is not to be run by two at a time.
+
+    Raises:
+        InputError: see `load_matte`.
+    """
+    chosen, mattes = choose_device(device), _of_thread.__dict__
+    if chosen not in mattes:
+        mattes[chosen] = load_matte(device=chosen)
+    return cast(Matte, mattes[chosen])
 
 
 def _packed(path: Path, device: str) -> openvino.Models | None:

@@ -6,6 +6,7 @@ where the reference frame says little. Its errors add up from frame to frame, th
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import cv2
@@ -14,8 +15,8 @@ import numpy as np
 from ..alignment.agreement import CELLS
 from ..alignment.lucas_kanade import Level
 from ..alignment.refinement import START_COVARIANCE
-from ..imaging.arrays import Array, Floats
-from ..imaging.homography import normalised, transform
+from ..imaging.arrays import Array, Floats, Grey
+from ..imaging.homography import transform
 from ..imaging.pyramid import Pyramid
 from ..imaging.quads import is_convex
 from .plane_map import PlaneMap
@@ -98,26 +99,30 @@ def _aligned(levels: Sequence[Level], frame: Pyramid, start: Array, trust: Float
     trusted = np.asarray(cv2.resize(trust, (count, count), interpolation=cv2.INTER_AREA), np.float32)
     pose, covariance = start, START_COVARIANCE
     for level in levels:
-        for _ in range(MODEL.steps):
-            search = level.rectify(frame, pose)
-            correlation = level.correlation(search)
-            seen = level.in_frame(frame, pose).astype(np.float32)
-            if (trusted * seen).sum() < MODEL.min_trust:
-                return None
-            if _agreement(correlation, trusted * seen) > MODEL.min_agreeing_nearly:
-                low, high = MODEL.correlation_range
-                seen *= np.clip((correlation - low) / (high - low), 0, 1)
-            finer = cv2.resize(seen, trust.shape, interpolation=cv2.INTER_NEAREST)
-            expected = level.from_template @ np.linalg.inv(pose) @ start @ level.to_template
-            fit = level.align(search, trust * finer, expected, START_COVARIANCE)
-            pose, covariance = normalised(pose @ level.to_template @ fit.warp @ level.from_template), fit.covariance
-            if not np.isfinite(pose).all():
-                return None
-            if level.corner_motion(fit.warp) < MODEL.settled_px:
-                break
+        weigh = partial(_weights, level, frame, trust, trusted)
+        found = level.settle(frame, pose, start, START_COVARIANCE, weigh, MODEL.steps, MODEL.settled_px)
+        if found is None:
+            return None
+        pose, covariance = found[0], found[1].covariance
     seen = level.in_frame(frame, pose).astype(np.float32)
     agreement = _agreement(level.correlation(level.rectify(frame, pose)), trusted * seen)
     return Step(pose, covariance + LEAST_COVARIANCE, agreement) if agreement >= MODEL.min_agreement else None
+
+
+def _weights(level: Level, frame: Pyramid, trust: Floats, trusted: Floats, search: Grey, pose: Array) -> Floats | None:
+    """Weights of the parts, where a frame is rectified at a pose (3, 3); None where it shows too little.
+
+    Args:
+        trust: (m, m) of the parts; trusted: (n, n) of the cells.
+    """
+    correlation = level.correlation(search)
+    seen = level.in_frame(frame, pose).astype(np.float32)
+    if (trusted * seen).sum() < MODEL.min_trust:
+        return None
+    if _agreement(correlation, trusted * seen) > MODEL.min_agreeing_nearly:
+        low, high = MODEL.correlation_range
+        seen *= np.clip((correlation - low) / (high - low), 0, 1)
+    return trust * cv2.resize(seen, trust.shape, interpolation=cv2.INTER_NEAREST)
 
 
 def _agreement(correlation: Floats, weights: Floats) -> float:

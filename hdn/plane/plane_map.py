@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ..alignment.agreement import CELLS, cell_means
 from ..alignment.lucas_kanade import Level
 from ..alignment.refinement import NO_BLUR
-from ..imaging.arrays import Array, Floats, Image, Mask
-from ..imaging.homography import from_corners, normalised, transform, translation
+from ..imaging.arrays import Array, Floats, Grey, Image, Mask
+from ..imaging.homography import from_corners, transform, translation
 from ..imaging.observation import Observation
 from ..imaging.pyramid import Pyramid
 from ..imaging.quads import outline
@@ -208,21 +208,19 @@ class PlaneMap:
             None where too little of the surroundings is known or seen to tell.
         """
         is_blurred = np.abs(blur).max() > MODEL.min_matched_variance_px2
-        level, pose = self.level.matched(blur) if is_blurred else self.level, start
+        level = self.level.matched(blur) if is_blurred else self.level
         trusted = self._is_trusted & (seen > 0.5)
-        for _ in range(MODEL.steps):
+
+        def weigh(search: Grey, pose: Array) -> Floats | None:
             known = trusted & level.in_frame(frame, pose)
             if known.sum() < MODEL.min_cells:
                 return None
-            search = level.rectify(frame, pose)
-            trust = _trust(level.correlation(search), known) * self.coplanar * seen * known
-            expected = level.from_template @ np.linalg.inv(pose) @ start @ level.to_template
-            fit = level.align(search, trust, expected, covariance)
-            pose = normalised(pose @ level.to_template @ fit.warp @ level.from_template)
-            if not np.isfinite(pose).all():
-                return None
-            if level.corner_motion(fit.warp) < MODEL.settled_px:
-                break
+            return _trust(level.correlation(search), known) * self.coplanar * seen * known
+
+        found = level.settle(frame, start, start, covariance, weigh, MODEL.steps, MODEL.settled_px)
+        if found is None:
+            return None
+        pose, fit = found
         known = trusted & level.in_frame(frame, pose)
         if known.sum() < MODEL.min_cells:
             return None

@@ -1,6 +1,7 @@
 """The matte network as it ships: what it says of drawn pairs, and that both engines say the same."""
 
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -126,3 +127,23 @@ def test_weights_of_another_shape_are_refused(tmp_path: Path) -> None:
     matte_network.save(torch.nn.Conv2d(3, 4, 3), path, {})
     with pytest.raises(InputError, match="does not fit the matte network"):
         matte_network.load(path)
+
+
+def test_the_shipped_network_is_loaded_once_in_each_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a tracker and for the drawing of ads; not for two threads, which would run one at the same time."""
+    loaded: list[str] = []
+
+    def load(device: str) -> object:
+        loaded.append(device)
+        return object()
+
+    monkeypatch.setattr(loading, "load_matte", load)
+
+    def use() -> tuple[object, object]:
+        return loading.shared_matte("cpu"), loading.shared_matte("cpu")
+
+    with ThreadPoolExecutor(1) as one, ThreadPoolExecutor(1) as other:
+        first, again = one.submit(use).result()
+        assert first is again
+        assert other.submit(use).result()[0] is not first
+    assert loaded == ["cpu", "cpu"]
