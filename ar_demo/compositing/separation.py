@@ -6,15 +6,19 @@ much of the inserts is seen, where that is enough, and the least that is elsewhe
 an occluder the alpha is small, and its colours are not in the layer.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdn.imaging.arrays import Box, Floats, Grey, Picture
 
-from ..media.srgb import SLOPE, to_linear
 from .layer import in_float
+
+Deep = NDArray[np.uint16]
+Light = Callable[[Deep], Floats]
+"""Of coded values (h, w, 3) in full scale."""
 
 
 @dataclass(frozen=True)
@@ -33,40 +37,42 @@ class Insert:
 
     Attributes:
         box: the rows and columns of the frame that it takes.
-        before, after: (h, w, 3) the frame there, without and with it; uint8 or uint16, in full scale.
+        before, after: (h, w, 3) the frame there, without and with it; in full scale.
         cover: (h, w) 0..1, how much of each pixel what was laid on it takes.
         size: width and height of the frame, px.
     """
 
     box: Box
-    before: Picture
-    after: Picture
+    before: Deep
+    after: Deep
     cover: Grey
     size: tuple[int, int]
 
     @staticmethod
-    def of(before: Picture, after: Picture, cover: Grey, drawn: Sequence[Box]) -> "Insert":
+    def of(before: Deep, after: Deep, cover: Grey, drawn: Sequence[Box]) -> "Insert":
         """Of a whole frame (H, W, 3), before and after; how much of it (H, W) is covered, and where it was drawn."""
         box = _around(drawn)
         return Insert(box, before[box], after[box].copy(), cover[box], (after.shape[1], after.shape[0]))
 
-    def layer(self, levels: int, linear: bool = False) -> Floats:
-        """The layer (h, w, 4) in the box, premultiplied, 0..1.
+    def layer(self, levels: int, light: Light | None = None) -> Floats:
+        """The layer (h, w, 4) in the box, premultiplied; alpha 0..1, colours from 0 to alpha times white.
 
         Args:
             levels: of alpha above 0, that a file can hold.
-            linear: whether it is to be laid over in linear light, else in values as they are coded.
+            light: of coded values, where the layer is to be laid over in linear light; None for values as they are
+                coded.
         """
-        before, after = (in_float(picture) for picture in (self.before, self.after))
-        same = MODEL.same
-        if linear:
-            before, after, same = to_linear(before), to_linear(after), same / SLOPE
-        darker = (before - after - same) / np.maximum(before, same)
-        brighter = (after - before - same) / np.maximum(1 - before, same)
+        seen = light or in_float
+        white = seen(np.full((1, 1, 3), 65535, np.uint16)).max()
+        before, coded = seen(self.before), self.after.astype(np.int32)
+        same = round(MODEL.same * 65535)
+        low, high = (seen(np.clip(coded + by, 0, 65535).astype(np.uint16)) for by in (-same, same))
+        darker = np.divide(before - high, before, out=np.zeros_like(before), where=before > high)
+        brighter = np.divide(low - before, white - before, out=np.zeros_like(before), where=low > before)
         least = np.maximum(darker, brighter).max(2)
         alpha = np.maximum(np.rint(self.cover * levels), np.ceil(least * levels)).clip(0, levels) / np.float32(levels)
         alpha = alpha[..., None].astype(np.float32)
-        return np.concatenate([np.clip(after - (1 - alpha) * before, 0, alpha), alpha], axis=2)
+        return np.concatenate([np.clip(seen(self.after) - (1 - alpha) * before, 0, alpha * white), alpha], axis=2)
 
     def framed(self, part: Picture) -> Picture:
         """A picture of the box (h, w, ...) in one of the whole frame, clear around it."""

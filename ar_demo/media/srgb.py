@@ -4,7 +4,7 @@ import numpy as np
 
 from hdn.imaging.arrays import Floats, Picture
 
-SLOPE = 12.92  # of coded values over linear light, at black
+_SLOPE = np.float32(12.92)  # of coded values over linear light, at black
 
 
 def to_linear(coded: Picture) -> Floats:
@@ -18,11 +18,11 @@ def to_linear(coded: Picture) -> Floats:
         table = to_linear(np.arange(most + 1, dtype=np.float32) / np.float32(most))
         return table[coded]
     curve = ((coded + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
-    return np.where(coded <= 0.04045, coded / np.float32(SLOPE), curve).astype(np.float32)
+    return np.where(coded <= 0.04045, coded / _SLOPE, curve).astype(np.float32)
 
 
 def to_coded(linear: Floats) -> Floats:
     """Linear light of any shape in coded values, 0..1; what is beyond is cut off."""
     clipped = np.clip(linear, 0, 1)
     curve = np.float32(1.055) * clipped ** np.float32(1 / 2.4) - np.float32(0.055)
-    return np.where(clipped <= 0.0031308, clipped * np.float32(SLOPE), curve).astype(np.float32)
+    return np.where(clipped <= 0.0031308, clipped * _SLOPE, curve).astype(np.float32)

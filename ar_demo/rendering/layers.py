@@ -13,7 +13,7 @@ import numpy as np
 from hdn.imaging.arrays import Floats, Picture
 
 from ..choices import Alpha
-from ..compositing.separation import Insert, straight
+from ..compositing.separation import Insert, Light, straight
 from ..errors import InputError
 from ..media import codecs
 from ..media.claims import Claim
@@ -21,6 +21,7 @@ from ..media.color import BT709, Colour
 from ..media.form import Form
 from ..media.outputs import open_output
 from ..media.reader import VideoInfo
+from ..media.srgb import to_linear
 
 
 class LayerWriter(AbstractContextManager["LayerWriter"]):
@@ -43,20 +44,22 @@ class LayerWriter(AbstractContextManager["LayerWriter"]):
             RunError: it cannot be begun.
         """
         path = output.path if isinstance(output, Claim) else output
-        self._is_linear = path.suffix.lower() == ".exr"
-        if self._is_linear and alpha == "straight":
+        self._light = _light(path, info)
+        if self._light is not None and alpha == "straight":
             raise InputError("OpenEXR is premultiplied by its standard: leave --alpha out")
-        self._is_straight = not self._is_linear and alpha != "premultiplied"
+        chosen = codecs.choose(path, codec, alpha=True)
+        if info.hdr is not None and all(codecs.depth_of(name) == 8 for name in chosen.transparent):
+            raise InputError(f"{chosen.title} with alpha has 8 bits, too few for HDR: use .mov, .exr or --tonemap")
+        self._is_straight = self._light is None and alpha != "premultiplied"
         self._levels = (1 << min(info.depth, 16)) - 1  # as many as the video has
-        form = Form(codecs.choose(path, codec, alpha=True).name, 8, None, _tagged(info.colour))
-        self._writer = open_output(output, info, form, alpha=True)
+        self._writer = open_output(output, info, Form(chosen.name, 8, None, _tagged(info.colour)), alpha=True)
 
     def write(self, insert: Insert, time: Fraction, duration: Fraction | None = None) -> None:
         """Appends a frame; see `VideoWriter.write`."""
-        layer = insert.layer(self._levels, self._is_linear)
+        layer = insert.layer(self._levels, self._light)
         if self._is_straight:
             layer = straight(layer)
-        self._writer.write(insert.framed(layer if self._is_linear else in_16_bits(layer)), time, duration)
+        self._writer.write(insert.framed(in_16_bits(layer) if self._light is None else layer), time, duration)
 
     def discard(self) -> None:
         """Removes what there is of it."""
@@ -72,15 +75,15 @@ class MatteWriter(AbstractContextManager["MatteWriter"]):
     def __init__(self, output: Path | Claim, info: VideoInfo, codec: str | None = None) -> None:
         """Begins a matte; see `LayerWriter`."""
         path = output.path if isinstance(output, Claim) else output
-        self._is_linear = path.suffix.lower() == ".exr"
+        self._light = _light(path, info)
         self._levels = (1 << min(info.depth, 16)) - 1  # as many as the video has
         form = Form(codecs.choose(path, codec).name, 16 if codecs.is_picture(path) else 8, None, BT709)
         self._writer = open_output(output, info, form)
 
     def write(self, insert: Insert, time: Fraction, duration: Fraction | None = None) -> None:
         """Appends a frame; see `VideoWriter.write`."""
-        alpha = insert.layer(self._levels, self._is_linear)[..., 3:]
-        grey = np.repeat(alpha if self._is_linear else in_16_bits(alpha), 3, axis=2)
+        alpha = insert.layer(self._levels, self._light)[..., 3:]
+        grey = np.repeat(in_16_bits(alpha) if self._light is None else alpha, 3, axis=2)
         self._writer.write(insert.framed(grey), time, duration)
 
     def discard(self) -> None:
@@ -89,6 +92,13 @@ class MatteWriter(AbstractContextManager["MatteWriter"]):
 
     def __exit__(self, *error: Any) -> None:
         self._writer.__exit__(*error)
+
+
+def _light(path: Path, info: VideoInfo) -> Light | None:
+    """What a video's values stand for in a file of linear light; None for another kind of file."""
+    if path.suffix.lower() != ".exr":
+        return None
+    return to_linear if info.hdr is None else info.hdr.light
 
 
 def in_16_bits(picture: Floats) -> Picture:

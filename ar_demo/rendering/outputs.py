@@ -90,8 +90,7 @@ class OutputWriters(AbstractContextManager["OutputWriters"]):
         if options.start_number is not None:
             info = changed(info, first_number=options.start_number)
         self.warnings: list[str] = []
-        # Pictures do not say that they are HDR.
-        self.tonemap = options.tonemap or (outputs.layer is not None and is_picture(outputs.layer.path))
+        self.tonemap = options.tonemap
         self._video: Writer | None = None
         self._apart: list[LayerWriter | MatteWriter] = []
         self._bits = 8
@@ -103,7 +102,11 @@ class OutputWriters(AbstractContextManager["OutputWriters"]):
                 self._video, self._bits = open_output(outputs.video, info, form, options.crf, streams), form.depth
                 opened.push(self._video)
             if self.tonemap and info.hdr is not None:
-                info = changed(info, colour=BT709)
+                info = changed(info, colour=BT709, hdr=None)
+                if outputs.layer is not None and not options.tonemap:
+                    self.warnings.append(
+                        f"{outputs.layer.path} is in SDR, as the video is: it fits that, not the source"
+                    )
             if outputs.layer is not None:
                 self._apart.append(LayerWriter(outputs.layer, info, options.layer_codec, options.alpha))
                 opened.push(self._apart[-1])

@@ -64,7 +64,7 @@ def laid_over(before: np.ndarray, insert: Insert, layer: Floats, linear: bool = 
 def test_it_makes_the_same_picture_again(blend: Blend, hidden: bool, linear: bool) -> None:
     before, insert = inserted(blend, 0.8, hidden)
     wanted = np.rint(insert.after / 257)
-    layer = insert.layer(65535, linear)
+    layer = insert.layer(65535, to_linear if linear else None)
     assert (layer >= 0).all()
     assert (layer[..., :3] <= layer[..., 3:]).all()
     assert np.abs(laid_over(before, insert, layer, linear) - wanted).max() <= 1

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -21,6 +22,7 @@ from hdn.imaging.arrays import Array
 
 from ..scenes import texture
 from ..test_session import Still
+from ..videos import floats_of
 
 SIZE = 320, 240
 QUAD = np.array([[100.0, 70], [220, 70], [220, 166], [100, 166]])
@@ -199,12 +201,47 @@ def test_a_layer_of_an_hdr_video_has_its_samples(tmp_path: Path, white: Path) ->
     assert samples(layer, 0)[INSIDE].mean() / 4 == pytest.approx(64 + 876 * 0.75, abs=4)  # decoded in 12 bits
 
 
-@pytest.mark.parametrize(("name", "layer"), [("o.%02d.png", None), ("o.mp4", "l.%02d.png")])
-def test_pictures_are_in_sdr(tmp_path: Path, white: Path, name: str, layer: str | None) -> None:
+def test_pictures_are_in_sdr_and_a_layer_with_them(tmp_path: Path, white: Path) -> None:
     source = clip(tmp_path / "in.mp4", "pq")
     with Session(source, make_tracker=Still) as session:
         [surface] = session.track([Surface(white, QUAD, flat=True)])
-        layer_path = tmp_path / layer if layer else None
-        session.render([surface], tmp_path / name, OutputOptions(backend="opencv"), layer=layer_path)
-    with Image.open(tmp_path / ((layer or name) % 0)) as picture:
-        assert np.asarray(picture.convert("RGB"))[INSIDE].mean() > 253
+        options, layer = OutputOptions(backend="opencv"), tmp_path / "l.%02d.png"
+        warnings = session.render([surface], tmp_path / "o.%02d.png", options, layer=layer).warnings
+    assert any("is in SDR, as the video is" in warning for warning in warnings)
+    for name in ("o.00.png", "l.00.png"):
+        with Image.open(tmp_path / name) as picture:
+            assert np.asarray(picture.convert("RGB"))[INSIDE].mean() > 253
+
+
+@BOTH
+def test_a_layer_in_pictures_fits_the_hdr_source(tmp_path: Path, white: Path, transfer: Transfer) -> None:
+    """As it is coded in PNG, in linear light in OpenEXR, where 1 is graphics white; and the video stays HDR."""
+    source = clip(tmp_path / "in.mp4", transfer)
+    for suffix in ("png", "exr"):
+        with Session(source, make_tracker=Still) as session:
+            [surface] = session.track([Surface(white, QUAD, opacity=0.7, feather=3, flat=True)])
+            options, layer = OutputOptions(backend="opencv", overwrite=True, codec="ffv1"), tmp_path / f"l.%d.{suffix}"
+            assert session.render([surface], tmp_path / "o.mkv", options, layer=layer).warnings == []
+        with VideoReader(source, 16, False) as reader, VideoReader(tmp_path / "o.mkv", 16, False) as made:
+            [before, *_], [after, *_], hdr = reader.frames(), made.frames(), reader.info.hdr
+            assert made.info.hdr == hdr is not None
+        if suffix == "exr":
+            found = floats_of(tmp_path / "l.0.exr")
+            assert found[120, 160, :3] == pytest.approx(0.7, abs=0.02)
+            over = hdr.signal(found[..., :3] + (1 - found[..., 3:]) * hdr.light(before.image))
+        else:
+            found = cv2.cvtColor(cv2.imread(str(tmp_path / "l.0.png"), cv2.IMREAD_UNCHANGED), cv2.COLOR_BGRA2RGBA)
+            share = found[..., 3:] / 65535
+            over = found[..., :3] * share + (1 - share) * before.image
+        middle = INSIDE  # elsewhere chroma is shared with what is around
+        assert np.abs(over[middle] - after.image[middle].astype(float)).mean() < 65535 / 1023
+
+
+def test_a_layer_of_eight_bits_is_no_hdr(tmp_path: Path, white: Path) -> None:
+    source = clip(tmp_path / "in.mp4", "pq")
+    with Session(source, make_tracker=Still) as session:
+        surfaces = session.track([Surface(white, QUAD, flat=True)])
+        with pytest.raises(InputError, match="8 bits, too few for HDR"):
+            session.render(surfaces, options=OutputOptions(backend="opencv"), layer=tmp_path / "l.webm")
+        options = OutputOptions(backend="opencv", tonemap=True)
+        assert session.render(surfaces, options=options, layer=tmp_path / "l.webm").warnings == []
