@@ -11,6 +11,7 @@ from typing import NamedTuple
 from .errors import InputError, RunError, Stopped
 from .media.claims import Claim, check_different, free_name
 from .media.codecs import check_video_name
+from .media.download import is_url, local_name
 from .media.numbering import Numbering
 from .media.pictures import check_picture_name, write_picture
 from .media.sequences import SUFFIXES, ImageSequence
@@ -38,7 +39,7 @@ def replace(
     """Puts ads on the surfaces of a video in one pass; later ones are drawn over earlier ones.
 
     Args:
-        input: the video, or pictures; see `Session`.
+        input: the video or its http(s) address, or pictures; see `Session`.
         surfaces: one or several, each with its quad or with a track made earlier.
         output: the video to write; None writes beside the input, as INPUT.ar.mp4, where neither layer nor matte is.
         tracking, options: how to track, and how to draw and write.
@@ -116,7 +117,7 @@ def _begun(
     if not surfaces:
         raise InputError("there is no surface: give one, with its quad or a track")
     if output is None and layer is None and matte is None:
-        output = default_output(Path(input))
+        output = default_output(input)
     names = [Path(name) if name is not None else None for name in (output, layer, matte)]
     files = track_files(Path(save_track), len(surfaces)) if save_track is not None else []
     check_different([*filter(None, names), *files])
@@ -226,16 +227,21 @@ def _check_names(
 KEPT = "{}.track.json"  # a track's file, by the name of the output that it was made for
 
 
-def default_output(input: Path) -> Path:
+def default_output(input: Path | str | ImageSequence) -> Path:
     """INPUT.ar.mp4 beside the input; the container stays where it is one that we write; a lone picture makes a PNG."""
+    input = _local(input)
     suffix = input.suffix.lower() if input.suffix.lower() in (".mp4", ".mov", ".mkv", ".webm") else ".mp4"
     if input.is_file() and input.suffix.lower() in SUFFIXES:
         suffix = ".png"
     return beside(input, f".ar{suffix}")
 
 
-def beside(input: Path, ending: str) -> Path:
-    """A name beside an input, or beside the folder of pictures that have no name in common: its own, and an ending."""
+def beside(input: Path | str, ending: str) -> Path:
+    """A name beside an input, or beside the folder of pictures that have no name in common: its own, and an ending.
+
+    That of an address is the file's there, in the current folder.
+    """
+    input = _local(input)
     if input.is_dir():
         return input.resolve().with_name(f"{input.resolve().name}{ending}")
     numbering = None if input.exists() else Numbering.parse(input)
@@ -243,6 +249,10 @@ def beside(input: Path, ending: str) -> Path:
     if not stem or (not input.exists() and has_magic(stem)):
         return beside(input.parent, ending)
     return input.with_name(f"{stem}{ending}")
+
+
+def _local(input: Path | str | ImageSequence) -> Path:
+    return Path(local_name(input) if is_url(input) else input)
 
 
 def track_files(path: Path, count: int) -> list[Path]:

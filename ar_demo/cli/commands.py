@@ -12,6 +12,7 @@ from ..export.exporting import export_track
 from ..importing.loading import load_track
 from ..live import LiveSession
 from ..media.claims import check_different
+from ..media.download import is_url
 from ..media.sequences import ImageSequence, parse_rate
 from ..options import OutputOptions, TrackingOptions
 from ..pipeline import beside, default_output, plan_replacing, plan_tracking, replace, track
@@ -57,7 +58,7 @@ def _replace(given: Namespace, defaults: Defaults, display: Display) -> int:
     said = (job.output_options() if job else {}) | _of(OutputOptions, given)
     if "live" not in given:
         if output is None and layer is None and matte is None:
-            output = default_output(Path(input))
+            output = default_output(input)
         defaults = defaults.fitting(None if output is None else Path(output), said.get("codec"))
     options = OutputOptions(**defaults.output() | said)
     surfaces = _surfaces(given, job, input, defaults)
@@ -157,6 +158,8 @@ def _of(kind: type, given: Namespace) -> dict[str, Any]:
 
 def _source(input: Path | str, fps: str | float | None) -> Path | str | ImageSequence:
     """The video, or the pictures, that an input names."""
+    if is_url(input) and fps is None:
+        return input
     return ImageSequence.find(input, None if fps is None else parse_rate(fps)) or input
 
 

@@ -29,6 +29,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 from ..choices import Alpha, AudioMode, Backend, Blend, Depth, Device, Effect, Fit, KeptStreams, Lost, Playback
 from ..errors import InputError
 from ..importing.loading import load_track
+from ..media.download import is_url
 from ..media.sequences import ImageSequence
 from ..surface import Keyframe, Moment, Span, Surface, parse_polygon, parse_quad
 
@@ -150,17 +151,21 @@ class Job:
     """A job file that was read.
 
     Attributes:
-        input, output, save_track, layer, save_matte: files, None where it does not name one.
+        input: a file or an address, None where it does not name one.
+        output, save_track, layer, save_matte: files, None where it does not name one.
         fps: of an image sequence, None where it does not say.
     """
 
     def __init__(self, path: Path, entry: JobEntry) -> None:
         self._path, self._entry = path, entry
         self.fps = None if entry.fps is UNSET else entry.fps
+        self.input: Path | str | None
         self.input, self.output, self.save_track, self.layer, self.save_matte = (
             None if name is UNSET else path.parent / name
             for name in (entry.input, entry.output, entry.save_track, entry.layer, entry.save_matte)
         )
+        if is_url(entry.input):
+            self.input = entry.input
 
     def surfaces_with(
         self,

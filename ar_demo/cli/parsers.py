@@ -40,8 +40,8 @@ def replace_parser() -> Parser:
     add(
         "input",
         nargs="?",
-        help="the video, or pictures: a folder, in.%%05d.png, a glob in quotes; with --live a camera (0, /dev/video0), "
-        "a URL, or a file",
+        help="the video or its http(s) address, or pictures: a folder, in.%%05d.png, a glob in quotes; with --live a "
+        "camera (0, /dev/video0), a URL, or a file",
     )
     add("ad", nargs="?", help="video, image or animated image; not needed by some effects")
     add("-o", "--output", help="video to write (default: INPUT.ar.mp4 beside the input)")
@@ -125,7 +125,9 @@ def replace_parser() -> Parser:
 def track_parser() -> Parser:
     """Of ar-track."""
     parser = _parser("ar-track", "Track a planar surface of a video and write the track as JSON.", STATUSES)
-    parser.add_argument("input", type=Path, help="the video, or pictures: a folder, in.%%05d.png, a glob in quotes")
+    parser.add_argument(
+        "input", help="the video or its http(s) address, or pictures: a folder, in.%%05d.png, a glob in quotes"
+    )
     parser.add_argument("-o", "--output", type=Path, help="track file to write (default: INPUT.track.json)")
     add = parser.add_argument
     add("--save-map", type=Path, metavar="PNG", help="also write a picture of the plane, put together from the video")

@@ -80,7 +80,7 @@ def _of_video(path: Path, corners: Corners, reader: VideoReader, first_frame: in
         raise InputError(f"{path} has no quad in any frame: its corners cross, or lie on a line")
     start = _clearest(placed, info.width, info.height)
     mark = reader.fingerprint(count)
-    source = Source(str(reader.path), info.width, info.height, info.rate, count, mark, info.pixel_aspect)
+    source = Source(reader.given, info.width, info.height, info.rate, count, mark, info.pixel_aspect)
     measured = np.array([state == "tracked" for state in states], np.float64)
     deviation = np.where(measured > 0, DEVIATION, np.inf)
     warnings = _warnings(path, corners, first_frame, count, reader)

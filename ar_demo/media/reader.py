@@ -27,6 +27,7 @@ from . import color
 from .damage import DamageWatch, told
 from .decode import Clock, decode, frame_rate, open_video, stream_duration
 from .deinterlacing import deinterlaced, is_interlaced
+from .download import Download, is_url
 from .fingerprint import fingerprint
 from .index import Index, demux
 from .mastering import Mastering, dynamic_metadata
@@ -145,7 +146,8 @@ class VideoReader(AbstractContextManager["VideoReader"]):
     first needed; wherever decoding does not agree with it, the file is decoded from the start instead.
 
     Attributes:
-        path: the file, or what its pictures are called by.
+        given: what was given to be opened.
+        path: the file, or what its pictures are called by; of an address, the temporary file that it was fetched to.
         source: the file or the pictures, which others can read as well.
         info: what it says of itself.
         fingerprint: of its first frames, as many as given, see `media.fingerprint`; worked out once.
@@ -155,13 +157,17 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         """Opens a video and decodes its first frame.
 
         Args:
-            path: the file; or pictures, see `ImageSequence.find`.
+            path: the file; its http(s) address, from which it is fetched once; or pictures, see `ImageSequence.find`.
             depth: bits per sample of the frames: 8 gives uint8; 16 gives uint16 in full scale, without going through 8.
             tonemap: whether HDR is shown in SDR (BT.709); with 16 bits it may be left as it is.
 
         Raises:
             InputError: the file is missing, unreadable, no video, or has no picture that can be decoded.
+            RunError: fetching it broke off.
         """
+        self.given = str(path)
+        self._download = Download.of(path) if is_url(path) else None
+        path = path if self._download is None else self._download.path
         pictures = path if isinstance(path, ImageSequence) else ImageSequence.find(path)
         self.path = Path(path)
         self.source: Path | ImageSequence = pictures or self.path

@@ -175,7 +175,7 @@ class Passes:
         forward = [forward_runs(target.given) for target in targets]
         length = self._forward(targets, forward, first, None, prefix + "track")
         info, times = self.reader.info, self.reader.times[:length]
-        path, mark = str(self.reader.path), self.reader.fingerprint(length)
+        path, mark = self.reader.given, self.reader.fingerprint(length)
         source = Source(path, info.width, info.height, info.rate, length, mark, info.pixel_aspect)
         span = None if self.options.time is None else (self.first, length - 1)
         for target in targets:
