@@ -139,6 +139,14 @@ class Track:
         steps = [float((time - self.times[0]) * self.source.fps) for time in self.times]
         return all(abs(step - index) < 0.5 for index, step in enumerate(steps))
 
+    def motion(self, index: int) -> Array:
+        """Motion (4, 2) of the corners in a frame, px to the next one, by the neighbours of its shot that are known."""
+        before = index - 1 if index > 0 and index not in self.cuts and self.known[index - 1] else index
+        after = index + 1 if index + 1 < len(self) and index + 1 not in self.cuts and self.known[index + 1] else index
+        if before == after:
+            return np.zeros((4, 2))
+        return np.asarray((self.corners[after] - self.corners[before]) / (after - before))
+
     def save(self, path: Path | str | Claim) -> None:
         """Writes the track file (JSON, version 1), whole or not at all.
 

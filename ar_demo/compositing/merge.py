@@ -62,7 +62,7 @@ def merge(
     """
     if not opacity > 0:
         return None
-    if blur is not None and np.linalg.eigvalsh(blur).max() > BLUR.least_variance:
+    if blur is not None:
         layer = blurred_layer(layer, blur, frame.shape[:2])
     for tile, rgba in _tiles(layer):
         part = frame[tile]
@@ -82,6 +82,8 @@ def merge(
 
 def blurred_layer(layer: Layer, covariance: Array, frame_shape: tuple[int, int]) -> Layer:
     """A layer blurred by a covariance (2, 2), px^2, colour and alpha alike; it grows by the blur's reach."""
+    if np.linalg.eigvalsh(covariance).max() <= BLUR.least_variance:
+        return layer
     reach = int(np.ceil(BLUR.reach * np.sqrt(np.linalg.eigvalsh(covariance).max())))
     rows, columns = layer.box
     top, left = max(rows.start - reach, 0), max(columns.start - reach, 0)

@@ -46,7 +46,10 @@ class _Drawn:
         if self._appearance is None or index not in range(len(track))[track.inside]:
             return None
         lost, cut = track.states[index] == "lost", index in track.cuts
-        return self._appearance.conditions(image, track.corners[index], float(track.deviation[index]), lost, cut)
+        motion = track.motion(index)
+        return self._appearance.conditions(
+            image, track.corners[index], float(track.deviation[index]), lost, cut, motion
+        )
 
     def draw(self, frame: Frame, elapsed: Fraction, conditions: Conditions | None, cover: Grey | None) -> None:
         """Draws into the frame; elapsed: seconds since the video began. cover: see `Painter.draw`."""

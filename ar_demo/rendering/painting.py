@@ -15,12 +15,14 @@ from ..compositing.compositor import Compositor
 from ..compositing.effects import outlined, texture
 from ..compositing.fit import fit_region, quad_aspect
 from ..compositing.layer import Frame, Layer, in_float
-from ..compositing.merge import merge
+from ..compositing.merge import blurred_layer, merge
 from ..compositing.raster import WHOLE
+from ..compositing.streak import smeared
 from ..errors import InputError
 from ..hdr import Hdr
 from ..media.ad import Ad, open_ad
 from ..scene.conditions import Conditions
+from ..scene.grain import Grain
 from ..scene.light import GRID, Light, as_it_was
 from ..surface import Surface
 
@@ -89,10 +91,12 @@ class Painter(AbstractContextManager["Painter"]):
         layer = self.layer(image, pose, time, light)
         if layer is None:
             return None
-        blur, occluder = (conditions.blur, conditions.occluder) if conditions else (None, None)
         if self.surface.effect in ("mosaic", "blur"):
             hdr = None  # they are made of the frame's own samples
-        return merge(image, layer, self.surface.blend, strength, blur, occluder, cover, hdr)
+        occluder = None
+        if conditions is not None:
+            layer, occluder = self._as_seen(layer, pose, conditions, image.shape[:2]), conditions.occluder
+        return merge(image, layer, self.surface.blend, strength, occluder, cover, hdr)
 
     def layer(self, image: Frame, pose: Array, time: Fraction, light: Light | None = None) -> Layer | None:
         """What is to be laid on a frame (H, W, 3); None where there is nothing to see. See `draw`."""
@@ -107,6 +111,14 @@ class Painter(AbstractContextManager["Painter"]):
         if light is not None:
             picture = self._in_light(picture, pose, light)
         return self._compositor.draw(picture, pose, size, self._region, self.surface.feather)
+
+    def _as_seen(self, layer: Layer, pose: Array, conditions: Conditions, frame_shape: tuple[int, int]) -> Layer:
+        """A layer at a pose (4, 2), through the camera: moved while the shutter is open, out of focus, with grain."""
+        layer = smeared(layer, pose, conditions.way, frame_shape)
+        layer = blurred_layer(layer, conditions.blur, frame_shape)
+        # In all other modes the surface's own grain is part of what is seen.
+        is_grained = conditions.grain is not None and self.surface.blend == "normal"
+        return grained(layer, conditions.grain) if is_grained else layer
 
     def _in_light(self, picture: Picture, pose: Array, light: Light) -> Picture:
         """A picture (h, w, 3 or 4) in a light over the surface; the same array as before for much the same light.
@@ -135,6 +147,14 @@ class Painter(AbstractContextManager["Painter"]):
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+
+def grained(layer: Layer, grain: Grain) -> Layer:
+    """A layer with grain on it."""
+    rgba = in_float(layer.rgba)
+    colour, alpha = np.ascontiguousarray(rgba[..., :3]), rgba[..., 3:]
+    noise = grain.on(colour)
+    return Layer(layer.box, np.concatenate([np.clip(colour + noise * alpha, 0, alpha), alpha], axis=2))
 
 
 def lit(picture: Picture, light: Light) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 
 from hdn.alignment.agreement import cell_means
 from hdn.imaging.arrays import Array, Floats, Grey, Image
-from hdn.imaging.blur import blurred, equalising_blurs, relative_blur
+from hdn.imaging.blur import blurred, equalising_blurs, relative_blur, spectral_blur
 from hdn.imaging.homography import derivative, from_corners, transform, translation
 from hdn.imaging.pyramid import Pyramid
 from hdn.imaging.quads import is_drawable, outline
@@ -18,8 +18,11 @@ from hdn.networks.matte import Matte
 
 from . import light as relighting
 from . import occlusion
+from .grain import Grain, GrainMeter
 from .light import GRID, Light, grey
 from .occlusion import Occluder, Outline
+from .shading import shading
+from .shutter import Shutter
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,7 @@ class BlurModel:
 
 MODEL = ComparisonModel()
 BLUR = BlurModel()
+STILL: Array = np.zeros((4, 2))
 
 
 @dataclass(frozen=True)
@@ -61,12 +65,16 @@ class Conditions:
     Attributes:
         light: on a picture on the surface.
         occluder: what hides it; None for nothing.
-        blur: (2, 2) px^2 of the frame, covariance of the Gaussian that the surface is blurred by.
+        blur: (2, 2) px^2 of the frame, covariance of the Gaussian that the surface is blurred by, but for its motion.
+        way: (4, 2) px, of its corners while the shutter is open.
+        grain: what lies on the frame; None for nothing.
     """
 
     light: Light
     occluder: Occluder | None
     blur: Array
+    way: Array
+    grain: Grain | None = None
 
 
 class Appearance:
@@ -95,26 +103,35 @@ class Appearance:
         """Begins anew, as after a cut: the light may be another now."""
         self._light: Light | None = None
         self._lost = False
+        self._shutter = Shutter()
+        self._grain = GrainMeter()
 
-    def conditions(self, frame: Image, pose: Array, deviation: float, lost: bool, cut: bool) -> Conditions:
+    def conditions(
+        self, frame: Image, pose: Array, deviation: float, lost: bool, cut: bool, motion: Array = STILL
+    ) -> Conditions:
         """The conditions in the next frame, as far as tracking knows the surface in it.
 
-        Args: pose, deviation: as `see` takes them, or not finite. cut: whether the frame begins another shot.
+        Args:
+            pose, deviation, motion: as `see` takes them, or not finite.
+            cut: whether the frame begins another shot.
         """
         if cut:
             self.forget()
-        return self.last() if lost or not np.isfinite(pose).all() else self.see(frame, pose, deviation)
+        return self.last() if lost or not np.isfinite(pose).all() else self.see(frame, pose, deviation, motion)
 
     def last(self) -> Conditions:
         """The conditions of a frame that nothing can be told of: the last light, and nothing else."""
         self._lost = True
-        return Conditions(self._exposed(self._light or relighting.as_it_was()), None, np.zeros((2, 2)))
+        self._grain.forget()
+        light = self._exposed(self._light or relighting.as_it_was())
+        return Conditions(light, None, np.zeros((2, 2)), STILL, self._grain.grain)
 
-    def see(self, frame: Image, pose: Array, deviation: float) -> Conditions:
+    def see(self, frame: Image, pose: Array, deviation: float, motion: Array = STILL) -> Conditions:
         """The conditions in a frame (H, W, 3) in which the surface has the corners `pose` (4, 2).
 
         Args:
             deviation: px, standard deviation of the corners; infinite where it is not known.
+            motion: (4, 2) px from one frame to the next, of the corners in this one.
         """
         part = _Box(frame, pose)
         if part.image.size == 0 or not is_drawable(pose):
@@ -123,14 +140,16 @@ class Appearance:
         if inside.mean() < MODEL.min_in_frame_share:
             return self.last()
         if self._lost:
-            self.forget()
+            self._light, self._lost = None, False
         crop_to_frame = from_corners(self._outline, pose)
         scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
         slack = min(deviation, MODEL.unknown_deviation_px) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
         seen = self._seen(view, inside)
         hidden = occlusion.find((1 - seen) * inside)
-        blur = self._blur(view, inside) if slack < BLUR.max_slack_px else np.zeros((2, 2))
-        template = _blurred(self._template, blur)
+        way, streak = self._streak(view, inside, motion, np.asarray(np.linalg.inv(scale), np.float64))
+        template = _blurred(self._template, streak)
+        blur = self._blur(template, view, inside) if slack < BLUR.max_slack_px else np.zeros((2, 2))
+        template = _blurred(template, blur)
         unsaturated = cv2.inRange(cv2.max(view, template), (0, 0, 0), (MODEL.saturated_grey,) * 3)
         usable = unsaturated.astype(np.float32) / 255 * seen
         small_view, small_template, small_usable = (
@@ -138,11 +157,13 @@ class Appearance:
         )
         light = relighting.measure(small_view, small_template, small_usable, self._light)
         self._light = relighting.follow(self._light, light, 1 / (1 + slack * slack))
+        light = self._shaded(self._light, view, template, unsaturated / np.float32(255) * inside * (1 - hidden), slack)
         blur_in_frame = scale @ _worth(blur) @ scale.T
         occluder = None
         if hidden.any():
-            occluder = self._cut_out(Outline.of(hidden, view), frame, pose, blur_in_frame)
-        return Conditions(self._exposed(self._light), occluder, blur_in_frame)
+            in_all = blur_in_frame + scale @ streak @ scale.T
+            occluder = self._cut_out(Outline.of(hidden, view), frame, pose, in_all, light)
+        return Conditions(self._exposed(light), occluder, blur_in_frame, way, self._grain.see(frame, pose))
 
     def _rectify(self, part: "_Box", pose: Array) -> tuple[Floats, Grey]:
         """The surface (h, w, 3) in a part of a frame, and which of it lies in the frame (h, w), 0 or 1."""
@@ -160,13 +181,32 @@ class Appearance:
         seen = self._matte(_square(view), self._square_template, _square(255 * inside))
         return cv2.resize(seen, (self._width, self._height), interpolation=cv2.INTER_LINEAR) * inside
 
-    def _blur(self, view: Floats, inside: Grey) -> Array:
-        """Covariance (2, 2), px^2 of the crop, by which a view is blurred more than the template; 0 where less.
+    def _streak(self, view: Floats, inside: Grey, motion: Array, to_crop: Array) -> tuple[Array, Array]:
+        """The way (4, 2) px of the corners while the shutter is open, and the blur (2, 2) of that, px^2 of the crop."""
+        if not np.isfinite(motion).all():
+            return STILL, np.zeros((2, 2))
+        along = to_crop @ motion.mean(0)  # px of the crop
+        if inside.mean() > BLUR.min_cell_in_frame:
+            template, seen = (self._halved(grey(x)) for x in (self._template, view))
+            self._shutter.learn(4 * spectral_blur(template, seen), along)
+        share = self._shutter.share
+        return np.asarray(share * motion), np.outer(along, along) * (share**2 / 12)
+
+    def _shaded(self, light: Light, view: Floats, template: Floats, usable: Grey, slack: float) -> Light:
+        """The light, with the shadows on a view of the surface whose edges are sharper than it knows."""
+        if slack > BLUR.max_slack_px:
+            return light
+        seen, own, trust = (self._halved(x) for x in (view, template, usable))
+        expected = light.resized(*own.shape[1::-1]).on(own)
+        return light.shaded(shading(grey(seen), grey(expected), trust, slack / 2))
+
+    def _blur(self, own: Floats, view: Floats, inside: Grey) -> Array:
+        """Covariance (2, 2), px^2 of the crop, by which a view is blurred more than the template `own`; 0 where less.
 
         Measured at half the size, since blur that matters is larger than a pixel; on the half of the surface that
         agrees best, since an occluder looks like anything; and believed where that agrees better for it.
         """
-        template, seen, usable = (self._halved(x) for x in (grey(self._template), grey(view), inside))
+        template, seen, usable = (self._halved(x) for x in (grey(own), grey(view), inside))
         correlation, textured = relighting.shows(seen, template)
         telling = textured & (cell_means(usable) > BLUR.min_cell_in_frame)
         if telling.sum() < BLUR.min_cells:
@@ -177,7 +217,7 @@ class Appearance:
         if np.linalg.eigvalsh(blur).max() < BLUR.min_variance_px2:
             return np.zeros((2, 2))
         # What was measured by halves is checked by the whole; it tends to be too much.
-        template, seen = grey(self._template), grey(view)
+        template, seen = grey(own), grey(view)
         trials = [part * blur for part in BLUR.trials]
         lacking = [1 - relighting.shows(seen, _blurred(template, b))[0][best].mean() for b in trials]
         least = int(np.argmin(lacking))
@@ -193,7 +233,7 @@ class Appearance:
         # A picture that is drawn has no gloss that could be missing.
         return Light(light.gain * np.float32(self._exposure), np.maximum(light.gloss, 0))
 
-    def _cut_out(self, outline: Outline, frame: Image, pose: Array, blur: Array) -> Occluder | None:
+    def _cut_out(self, outline: Outline, frame: Image, pose: Array, blur: Array, light: Light) -> Occluder | None:
         """The occluder out of the part of the frame that it is in."""
         y, x = np.nonzero(outline.most > 0.01)
         left, top, right, bottom = x.min() - 1, y.min() - 1, x.max() + 1, y.max() + 1
@@ -206,9 +246,8 @@ class Appearance:
         crop_to_part = part.to_box @ crop_to_frame
         part_to_reference = self._reference.to_box @ from_corners(pose, self._quad) @ np.linalg.inv(part.to_box)
         own = Pyramid(self._reference.image).crop(part_to_reference, width, height)
-        assert self._light is not None
-        light = self._light.over(crop_to_part @ self._grid_to_crop, (width, height))
-        surface = _blurred(np.minimum(light.on(own), 255), blur)
+        on_part = light.over(crop_to_part @ self._grid_to_crop, (width, height))
+        surface = _blurred(np.minimum(on_part.on(own), 255), blur)
         seen = part.image.astype(np.float32)
         # Beside the surface there is what there is.
         mine = np.ones((self._height, self._width), np.float32)

@@ -16,7 +16,11 @@ from hdn.imaging.photometry import normalise, tukey
 from hdn.imaging.pyramid import Pyramid
 from hdn.imaging.quads import outline
 
-GRID, COARSE = 16, 4  # light is known on a grid of GRID x GRID over the surface, by way of one of COARSE x COARSE
+GRID, COARSE = (
+    16,
+    4,
+)  # smooth light is known on a grid of GRID x GRID over the surface, by way of one of COARSE x COARSE
+FINE = 64  # cells along a side, of the grid that the edges of shadows are drawn on
 MEAN = np.full((1, 3), 1 / 3, np.float32)  # matrix that averages the channels
 
 
@@ -46,7 +50,7 @@ class LightModel:
     clear_change: float = 0.2  # change of the log gain that adds another whole share
     gloss_weight: float = 2.0  # a change of gloss counts so much more than one of the log gain
     # Drawing.
-    smooth_px: int = 8  # over which light does not change much
+    smooth_px: int = 8  # over which light on a grid of GRID cells does not change much
     min_gloss: float = 0.002  # less is not drawn
 
 
@@ -79,11 +83,12 @@ class Light:
 
     def over(self, grid_to_picture: Array, size: tuple[int, int]) -> "Light":
         """The light on each pixel of a picture (width, height) that a homography (3, 3) maps the grid to."""
-        coarse = (
-            max(2, size[0] // MODEL.smooth_px),
-            max(2, size[1] // MODEL.smooth_px),
-        )  # it is smooth, and resizing is fast
-        matrix = from_corners(outline(*size), outline(*coarse)) @ grid_to_picture
+        # It is smooth, and resizing is fast.
+        n = len(self.gain)
+        coarse = max(2, size[0] * n // (MODEL.smooth_px * GRID)), max(2, size[1] * n // (MODEL.smooth_px * GRID))
+        coarse = min(coarse[0], size[0]), min(coarse[1], size[1])
+        to_grid = from_corners(outline(n, n), outline(GRID, GRID))
+        matrix = from_corners(outline(*size), outline(*coarse)) @ grid_to_picture @ to_grid
         gain, gloss = (
             cv2.warpPerspective(x, matrix, coarse, borderMode=cv2.BORDER_REPLICATE) for x in (self.gain, self.gloss)
         )
@@ -93,6 +98,12 @@ class Light:
         """The light on each pixel of a crop of the surface."""
         gain, gloss = (cv2.resize(x, (width, height), interpolation=cv2.INTER_LINEAR) for x in (self.gain, self.gloss))
         return Light(gain, gloss)
+
+    def shaded(self, shading: Floats) -> "Light":
+        """With shadows and other light that the grid is too coarse for: (h, w) a gain over the surface."""
+        fine = self.resized(FINE, FINE)
+        gain = fine.gain * cv2.resize(shading, (FINE, FINE), interpolation=cv2.INTER_AREA)[..., None]
+        return Light(np.clip(gain, *MODEL.gain_range).astype(np.float32), fine.gloss)
 
     def on(self, picture: Image | Floats) -> Floats:
         """A picture, grey levels, of as many pixels as the light, in this light; it may be brighter than white."""
@@ -108,6 +119,8 @@ class Light:
 
     def differs(self, other: "Light") -> float:
         """The largest difference to another light, in shares of white's grey level."""
+        if self.gain.shape != other.gain.shape:
+            return self.resized(FINE, FINE).differs(other.resized(FINE, FINE))
         gain = np.abs(np.sqrt(self.gain) - np.sqrt(other.gain)).max()
         return float(max(gain, np.abs(self.gloss - other.gloss).max()))
 

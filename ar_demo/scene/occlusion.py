@@ -98,9 +98,12 @@ class Outline:
         )
         least, most, guess = cv2.split(maps)
         colour = cv2.warpPerspective(self.colour, crop_to_part, size, borderMode=cv2.BORDER_REPLICATE)
-        apart = colour - surface
-        square = cv2.transform(apart * apart, np.ones((1, 3))) + MODEL.mixture_grey**2
-        along = cv2.transform((part - surface) * apart, np.ones((1, 3))) + MODEL.mixture_grey**2 * guess
+        apart, beyond = colour - surface, part - surface
+        square, along = (cv2.transform(x * apart, np.ones((1, 3))) for x in (apart, beyond))
+        # The less a pixel is a mixture of both, the less it tells.
+        between = np.clip(along / (square + MODEL.mixture_grey**2), 0, 1)[..., None] * apart
+        doubt = cv2.transform(np.square(beyond - between), np.ones((1, 3))) + MODEL.mixture_grey**2
+        square, along = square + doubt, along + doubt * guess
         # Over some pixels together, since the surface's own edges do not quite fit.
         along, square = (cv2.GaussianBlur(x, (0, 0), MODEL.edge_blur_px) for x in (along, square))
         share = cv2.merge([cv2.max(cv2.min(along / square, most), least)] * 3)
