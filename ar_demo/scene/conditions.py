@@ -3,7 +3,7 @@
 The surface as it is seen, rectified by its pose, is compared with how the reference frame shows it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -73,7 +73,7 @@ class Conditions:
     light: Light
     occluder: Occluder | None
     blur: Array
-    way: Array
+    way: Array = field(default_factory=lambda: STILL)
     grain: Grain | None = None
 
 

@@ -89,8 +89,9 @@ def test_light_is_found_with_and_without_an_occluder(
     if occluded:
         frame, _ = passer_by(frame)
     light = look(appearance, frame).light
+    n = len(light.gain)
     found = cv2.warpPerspective(
-        light.gain, from_corners(UNIT * 16 - 0.5, SCENE.quad), (640, 480), borderMode=cv2.BORDER_REPLICATE
+        light.gain, from_corners(UNIT * n - 0.5, SCENE.quad), (640, 480), borderMode=cv2.BORDER_REPLICATE
     )
     clear = inside(SCENE.quad) & (passer_by(reference)[1] == 0)
     error = np.abs(np.sqrt(found[clear]) / np.sqrt(gain[clear]) - 1)
@@ -104,7 +105,9 @@ def test_a_reflection_is_light_that_is_added(appearance: Appearance, reference: 
     frame = np.clip(255 * np.sqrt((reference / 255.0) ** 2 + spot[..., None]), 0, 255).astype(np.uint8)
     conditions = look(appearance, frame)
     assert conditions.light.gloss.max() == pytest.approx(0.3, abs=0.12)
-    assert np.unravel_index(conditions.light.gloss.argmax(), (16, 16)) == pytest.approx((8, 11), abs=2.5)
+    gloss = conditions.light.gloss
+    at = np.array(np.unravel_index(gloss.argmax(), gloss.shape)) / len(gloss)
+    assert at == pytest.approx((0.5, 0.69), abs=0.16)
     assert hidden(conditions).sum() == 0
 
 
@@ -203,9 +206,10 @@ def test_the_last_light_stays_where_nothing_can_be_told(appearance: Appearance, 
     last = appearance.last()
     assert last.occluder is None
     assert (last.blur == 0).all()
-    np.testing.assert_array_equal(last.light.gain, lit.light.gain)
+    ratio = last.light.resized(*lit.light.gain.shape[:2]).gain / lit.light.gain
+    assert np.median(np.abs(ratio - 1)) < 0.01  # without the edges of shadows, which move on
     for pose in (SCENE.quad + 2000, SCENE.quad[[0, 2, 1, 3]]):  # out of the frame, no quad
-        np.testing.assert_array_equal(appearance.see(reference, pose, 0.3).light.gain, lit.light.gain)
+        np.testing.assert_array_equal(appearance.see(reference, pose, 0.3).light.gain, last.light.gain)
 
 
 def test_exposure_leaves_usual_frames_alone(reference: np.ndarray) -> None:
