@@ -5,6 +5,7 @@ from typing import Literal, get_args
 Fit = Literal["stretch", "contain", "cover"]
 Playback = Literal["loop", "hold", "once"]
 Blend = Literal["normal", "multiply", "screen", "overlay", "soft-light", "add"]
+Grain = Literal["auto", "off"]
 Lost = Literal["hold", "fade", "hide"]
 Effect = Literal["replace", "mosaic", "blur", "outline"]
 AudioMode = Literal["source", "ad", "mix", "none"]
@@ -34,6 +35,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "fit": get_args(Fit),
     "playback": get_args(Playback),
     "blend": get_args(Blend),
+    "grain": get_args(Grain),
     "lost": get_args(Lost),
     "effect": get_args(Effect),
     "audio": get_args(AudioMode),

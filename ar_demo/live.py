@@ -156,7 +156,7 @@ class _Target:
         self.started: Fraction | None = None
         self._filter = OneEuro()
         self._pose: Array = np.full((4, 2), np.nan)
-        self._opacity, self._time = 0.0, Fraction(0)
+        self._opacity, self._time, self._index = 0.0, Fraction(0), 0
         self._appearance: Appearance | None = None
         self._conditions: Conditions | None = None
 
@@ -173,20 +173,26 @@ class _Target:
             self.tracker.init(seen, quad, self.surface.tracking_region)
             self.started, self._opacity = elapsed, 1.0
             if self.surface.in_scene:
-                self._appearance = Appearance(frame.image, quad, shared_matte())
+                grain = self.surface.grain == "auto"
+                self._appearance = Appearance(frame.image, quad, shared_matte(), self.surface.shutter, grain)
         if cut:
             self.tracker.lose()
             self._opacity = 0.0
         estimate = self.tracker.track(seen)
         self.states[estimate.state] += 1
         lost = estimate.state == "lost"
+        before = self._pose
         self._appear(lost, elapsed)
         if lost:
             self._filter.reset()
         else:
             self._pose = self._filter(estimate.corners, float(frame.time))
         if self._appearance is not None:
-            self._conditions = self._appearance.conditions(frame.image, self._pose, estimate.deviation, lost, cut)
+            motion = (self._pose - before) / max(frame.index - self._index, 1)
+            self._conditions = self._appearance.conditions(
+                frame.image, self._pose, estimate.deviation, lost, cut, motion
+            )
+        self._index = frame.index
         return estimate.state
 
     def draw(self, frame: Frame, elapsed: Fraction) -> None:

@@ -14,14 +14,15 @@ from hdn.alignment.snapping import snap
 from hdn.imaging.arrays import Array
 from hdn.imaging.regions import Region
 
-from .choices import CHOICES, Blend, Effect, Fit, Lost, Playback
+from .choices import CHOICES, Blend, Effect, Fit, Grain, Lost, Playback
 from .errors import InputError
 from .tracks import Track
 
 log = logging.getLogger(__name__)
 
 # What an effect that is made from the surface itself has no use for.
-ADS_ALONE = ("ad", "fit", "playback", "flat")
+ADS_ALONE = ("ad", "fit", "playback", "flat", "shutter", "grain")
+IN_SCENE_ALONE = ("shutter", "grain")
 
 
 @dataclass(frozen=True)
@@ -182,6 +183,9 @@ class Surface:
         lost: what the ad does while the surface is lost.
         effect: what is drawn; all but 'replace' are made from the surface itself.
         flat: whether an ad is laid on as it is, over all, and not lit, blurred and hidden as the surface is.
+        shutter: degrees, 0 to 360, of each frame that the camera's shutter is open, by which an ad in motion is blurred
+            along its way; None tells it by the surface's own streaks.
+        grain: whether an ad gets the grain of the video.
 
     Raises:
         InputError: a value that is not allowed, or one that cannot apply beside another.
@@ -203,6 +207,8 @@ class Surface:
     lost: Lost = "fade"
     effect: Effect = "replace"
     flat: bool = False
+    shutter: float | None = None
+    grain: Grain = "auto"
 
     @property
     def in_scene(self) -> bool:
@@ -244,7 +250,12 @@ class Surface:
         for name in ("flat", "snap"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name} '{getattr(self, name)}' is neither true nor false: give one of these")
+        if self.shutter is not None and not 0 <= self.shutter <= 360:
+            raise InputError(f"shutter {self.shutter} is out of range: give 0 to 360 degrees")
         Region(self.region, self.exclude)
+        for name in IN_SCENE_ALONE if self.flat else ():
+            if getattr(self, name) != _DEFAULTS[name]:
+                raise InputError(f"{name} does nothing with a flat ad, which is laid on as it is: leave it out")
         if self.effect != "replace":
             for name in ADS_ALONE:
                 if getattr(self, name) != _DEFAULTS[name]:

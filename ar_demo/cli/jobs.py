@@ -26,7 +26,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from ..choices import Alpha, AudioMode, Backend, Blend, Depth, Device, Effect, Fit, KeptStreams, Lost, Playback
+from ..choices import Alpha, AudioMode, Backend, Blend, Depth, Device, Effect, Fit, Grain, KeptStreams, Lost, Playback
 from ..errors import InputError
 from ..importing.loading import load_track
 from ..media.download import is_url
@@ -67,6 +67,8 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     lost: Lost | UnsetType = UNSET
     effect: Effect | UnsetType = UNSET
     flat: bool | UnsetType = UNSET
+    shutter: Annotated[float, Meta(ge=0, le=360)] | UnsetType | None = UNSET
+    grain: Grain | UnsetType = UNSET
 
     def surface(
         self,

@@ -84,6 +84,13 @@ def replace_parser() -> Parser:
     add("--feather", type=float, metavar="PX", help="soft edge, px of the frame")
     add("--lost", choices=CHOICES["lost"], help="the ad while the surface is lost (default: fade)")
     add("--flat", action="store_true", help="lay the ad on as it is: not lit, blurred and hidden as the surface is")
+    add(
+        "--shutter",
+        type=_shutter,
+        metavar="DEG",
+        help="degrees of 360 that the camera's shutter is open, for blur along the motion; 0 for none (default: auto)",
+    )
+    add("--grain", choices=CHOICES["grain"], help="the video's grain on the ad (default: auto)")
     add("--effect", choices=CHOICES["effect"], help="all but replace need no ad")
     add = parser.add_argument_group("the output").add_argument
     add("--audio", choices=CHOICES["audio"], help="whose sound (default: source)")
@@ -246,3 +253,7 @@ def _add_common(parser: Parser) -> None:
 
 # The commands that people use every day; each has a manual page.
 PARSERS = {"ar-replace": replace_parser, "ar-track": track_parser, "ar-export": export_parser}
+
+
+def _shutter(text: str) -> float | None:
+    return None if text == "auto" else float(text)

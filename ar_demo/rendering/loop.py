@@ -38,7 +38,8 @@ class _Drawn:
         if surface.in_scene:
             at = track.reference_frame
             for frame in reader.frames(at, at + 1):
-                self._appearance = Appearance(frame.image, track.quad, shared_matte())
+                grain = surface.grain == "auto"
+                self._appearance = Appearance(frame.image, track.quad, shared_matte(), surface.shutter, grain)
 
     def conditions(self, index: int, image: Image) -> Conditions | None:
         """Under which the surface is seen in a frame (H, W, 3) of this index; None where nothing is told."""

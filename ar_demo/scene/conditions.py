@@ -80,11 +80,15 @@ class Conditions:
 class Appearance:
     """Compares a surface in frame after frame with the reference frame."""
 
-    def __init__(self, reference: Image, quad: Array, matte: Matte) -> None:
+    def __init__(
+        self, reference: Image, quad: Array, matte: Matte, shutter: float | None = None, grain: bool = True
+    ) -> None:
         """Args:
         reference: (H, W, 3) the frame that shows the surface as it is.
         quad: (4, 2) its corners there, px.
         matte: tells the surface from what hides it; several surfaces may share one.
+        shutter: degrees that it is open; None tells it by streaks.
+        grain: whether it is measured.
         """
         sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
         size = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
@@ -97,14 +101,17 @@ class Appearance:
         self._reference = _Box(reference, quad)
         self._template, _ = self._rectify(self._reference, quad)
         self._matte, self._square_template = matte, _square(self._template)
+        self._degrees = shutter
+        self._grain = GrainMeter() if grain else None
         self.forget()
 
     def forget(self) -> None:
         """Begins anew, as after a cut: the light may be another now."""
         self._light: Light | None = None
         self._lost = False
-        self._shutter = Shutter()
-        self._grain = GrainMeter()
+        self._shutter = Shutter(self._degrees)
+        if self._grain is not None:
+            self._grain.forget()
 
     def conditions(
         self, frame: Image, pose: Array, deviation: float, lost: bool, cut: bool, motion: Array = STILL
@@ -122,9 +129,9 @@ class Appearance:
     def last(self) -> Conditions:
         """The conditions of a frame that nothing can be told of: the last light, and nothing else."""
         self._lost = True
-        self._grain.forget()
+        grain = self._grain.missed() if self._grain is not None else None
         light = self._exposed(self._light or relighting.as_it_was())
-        return Conditions(light, None, np.zeros((2, 2)), STILL, self._grain.grain)
+        return Conditions(light, None, np.zeros((2, 2)), STILL, grain)
 
     def see(self, frame: Image, pose: Array, deviation: float, motion: Array = STILL) -> Conditions:
         """The conditions in a frame (H, W, 3) in which the surface has the corners `pose` (4, 2).
@@ -159,11 +166,12 @@ class Appearance:
         self._light = relighting.follow(self._light, light, 1 / (1 + slack * slack))
         light = self._shaded(self._light, view, template, unsaturated / np.float32(255) * inside * (1 - hidden), slack)
         blur_in_frame = scale @ _worth(blur) @ scale.T
+        grain = self._grain.see(frame, pose) if self._grain is not None else None
         occluder = None
         if hidden.any():
             in_all = blur_in_frame + scale @ streak @ scale.T
             occluder = self._cut_out(Outline.of(hidden, view), frame, pose, in_all, light)
-        return Conditions(self._exposed(light), occluder, blur_in_frame, way, self._grain.see(frame, pose))
+        return Conditions(self._exposed(light), occluder, blur_in_frame, way, grain)
 
     def _rectify(self, part: "_Box", pose: Array) -> tuple[Floats, Grey]:
         """The surface (h, w, 3) in a part of a frame, and which of it lies in the frame (h, w), 0 or 1."""

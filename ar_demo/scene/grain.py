@@ -91,6 +91,12 @@ class GrainMeter:
         self._before = now
         return self.grain
 
+    def missed(self) -> Grain | None:
+        """The grain in a frame that does not tell it, as before: another pattern all the same."""
+        self.forget()
+        self._number += 1
+        return self.grain
+
     @property
     def grain(self) -> Grain | None:
         """As it is known by now."""

@@ -24,12 +24,16 @@ MODEL = ShutterModel()
 class Shutter:
     """The share of each frame, 0..1, that a clip's shutter is open; it learns with every frame that moves fast."""
 
-    def __init__(self) -> None:
+    def __init__(self, degrees: float | None = None) -> None:
+        """Args: degrees: of 360, where it is known."""
+        self._given = None if degrees is None else degrees / 360
         self._shares: list[float] = []
 
     @property
     def share(self) -> float:
         """As far as it is known: the median of what was seen; 0 where nothing was."""
+        if self._given is not None:
+            return self._given
         if not self._shares:
             return 0.0
         share = float(np.median(self._shares))

@@ -54,6 +54,8 @@ OPTIONS: dict[str, list[str]] = {
     "feather": ["--feather", "3"],
     "lost": ["--lost", "hide"],
     "flat": ["--flat"],
+    "shutter": ["--shutter", "180"],
+    "grain": ["--grain", "off"],
     "effect": ["--effect", "mosaic"],
     "audio": ["--audio", "mix"],
     "streams": ["--streams", "first"],
