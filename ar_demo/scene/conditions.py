@@ -50,6 +50,7 @@ class BlurModel:
     trials: tuple[float, ...] = (0.0, 0.25, 0.5, 1.0)
     # Share of what the agreement lacks to 1 that matching blur must bring: for any of it, and for all.
     gains: tuple[float, float] = (0.05, 0.15)
+    max_mirrored: float = 0.12  # share of a print's grey level that may be mirrored where shadows are told
     faint_px2: float = 3.0  # of the frame: so much the ad does not take on, twice as much it does in full
 
 
@@ -205,8 +206,11 @@ class Appearance:
         if slack > BLUR.max_slack_px:
             return light
         seen, own, trust = (self._halved(x) for x in (view, template, usable))
-        expected = light.resized(*own.shape[1::-1]).on(own)
-        return light.shaded(shading(grey(seen), grey(expected), trust, slack / 2))
+        light_here = light.resized(*own.shape[1::-1])
+        expected, printed = grey(light_here.on(own)), grey(light_here.without_gloss().on(own))
+        # Where much is mirrored, or was in the reference frame, a ratio does not tell how the print is lit.
+        plain = np.abs(expected - printed) < BLUR.max_mirrored * printed
+        return light.shaded(shading(grey(seen), expected, trust * plain, slack / 2))
 
     def _blur(self, own: Floats, view: Floats, inside: Grey) -> Array:
         """Covariance (2, 2), px^2 of the crop, by which a view is blurred more than the template `own`; 0 where less.

@@ -105,6 +105,10 @@ class Light:
         gain = fine.gain * cv2.resize(shading, (FINE, FINE), interpolation=cv2.INTER_AREA)[..., None]
         return Light(np.clip(gain, *MODEL.gain_range).astype(np.float32), fine.gloss)
 
+    def without_gloss(self) -> "Light":
+        """The light on what is printed, without what is mirrored."""
+        return Light(self.gain, np.zeros_like(self.gloss))
+
     def on(self, picture: Image | Floats) -> Floats:
         """A picture, grey levels, of as many pixels as the light, in this light; it may be brighter than white."""
         if np.abs(self.gloss).max() < MODEL.min_gloss:

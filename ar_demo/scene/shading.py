@@ -13,6 +13,7 @@ class ShadingModel:
     """How it is told from noise and from prints that are not quite aligned; px of the crop."""
 
     noise_grey: float = 4.0  # added to grey levels before their ratio is taken
+    dark_grey: float = 40.0  # of the surface, below which a ratio tells little: it is what the neighbours have
     edge_grey: float = 4.0  # step of the template from which a pixel does not count ...
     edge_share: float = 0.08  # ... plus this share of its brightness
     window_px: int = 5  # of the median
@@ -38,7 +39,7 @@ def shading(view: Grey, expected: Grey, trust: Grey, slack: float) -> Floats:
     """
     ratio = 2 * np.log((np.maximum(view, 0) + MODEL.noise_grey) / (np.maximum(expected, 0) + MODEL.noise_grey))
     step = cv2.magnitude(*(cv2.Sobel(expected, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))))
-    counts = trust * (step * max(slack, 0.5) < MODEL.edge_grey + MODEL.edge_share * expected)
+    counts = trust * (expected > MODEL.dark_grey) * (step * max(slack, 0.5) < MODEL.edge_grey + MODEL.edge_share * expected)
     size = (MODEL.fill_px, MODEL.fill_px)
     known = cv2.blur(counts, size)
     filled = cv2.blur(ratio * counts, size) / np.maximum(known, 1e-3) * (known > MODEL.min_known)
