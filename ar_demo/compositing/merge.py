@@ -1,4 +1,4 @@
-"""Lay a layer on a frame: blurred, blended and hidden as it is to be.
+"""Lay a layer on a frame: blended and hidden as it is to be; and blur one.
 
 Tile by tile, so that what is worked out stays in the cache; in float, with one rounding at the end, but where an 8 bit
 layer is laid on as it is. On HDR it is laid in light.
@@ -40,7 +40,6 @@ def merge(
     layer: Layer,
     blend: Blend = "normal",
     opacity: float = 1.0,
-    blur: Array | None = None,
     occluder: Occluder | None = None,
     cover: Grey | None = None,
     hdr: Hdr | None = None,
@@ -52,7 +51,6 @@ def merge(
         layer: what is laid on it.
         blend: what the layer's colour becomes over the frame's, see `blend`.
         opacity: 0..1, multiplies the layer's alpha.
-        blur: (2, 2) px^2 of the frame, covariance of the Gaussian that the layer is blurred by.
         occluder: what lies over the layer, where there is one.
         cover: (H, W) 0..1, how much of each pixel was covered by earlier layers; this one is added.
         hdr: how the frame's samples, of 16 bits, stand for light, on which the layer is SDR; None for a frame in SDR.
@@ -62,8 +60,6 @@ def merge(
     """
     if not opacity > 0:
         return None
-    if blur is not None:
-        layer = blurred_layer(layer, blur, frame.shape[:2])
     for tile, rgba in _tiles(layer):
         part = frame[tile]
         hiding = _Hiding.of(occluder, tile)

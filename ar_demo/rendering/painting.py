@@ -117,8 +117,9 @@ class Painter(AbstractContextManager["Painter"]):
         layer = smeared(layer, pose, conditions.way, frame_shape)
         layer = blurred_layer(layer, conditions.blur, frame_shape)
         # In all other modes the surface's own grain is part of what is seen.
-        is_grained = conditions.grain is not None and self.surface.blend == "normal"
-        return grained(layer, conditions.grain) if is_grained else layer
+        if conditions.grain is None or self.surface.blend != "normal":
+            return layer
+        return grained(layer, conditions.grain)
 
     def _in_light(self, picture: Picture, pose: Array, light: Light) -> Picture:
         """A picture (h, w, 3 or 4) in a light over the surface; the same array as before for much the same light.

@@ -39,7 +39,9 @@ def shading(view: Grey, expected: Grey, trust: Grey, slack: float) -> Floats:
     """
     ratio = 2 * np.log((np.maximum(view, 0) + MODEL.noise_grey) / (np.maximum(expected, 0) + MODEL.noise_grey))
     step = cv2.magnitude(*(cv2.Sobel(expected, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))))
-    counts = trust * (expected > MODEL.dark_grey) * (step * max(slack, 0.5) < MODEL.edge_grey + MODEL.edge_share * expected)
+    counts = (
+        trust * (expected > MODEL.dark_grey) * (step * max(slack, 0.5) < MODEL.edge_grey + MODEL.edge_share * expected)
+    )
     size = (MODEL.fill_px, MODEL.fill_px)
     known = cv2.blur(counts, size)
     filled = cv2.blur(ratio * counts, size) / np.maximum(known, 1e-3) * (known > MODEL.min_known)

@@ -16,7 +16,7 @@ from ar_demo.compositing import osmesa
 from ar_demo.compositing.compositor import Compositor, open_compositor
 from ar_demo.compositing.fit import fit_region, quad_aspect
 from ar_demo.compositing.layer import Layer
-from ar_demo.compositing.merge import merge
+from ar_demo.compositing.merge import blurred_layer, merge
 from ar_demo.compositing.opengl import GlCompositor
 from hdn.errors import InputError, RunError
 from hdn.imaging.arrays import Array, Image, Picture
@@ -147,7 +147,7 @@ def test_backends_give_the_same_frames_in_all_modes(backend: str, blend: Blend) 
                 frame = new_frame()
                 layer = compositor.draw(ad, QUADS["perspective"], (WIDTH, HEIGHT))
                 assert layer is not None
-                merge(frame, layer, blend, opacity=0.8, blur=np.diag([2.0, 0.5]))
+                merge(frame, blurred_layer(layer, np.diag([2.0, 0.5]), frame.shape[:2]), blend, opacity=0.8)
                 frames[name].append(frame)
     for one, other in zip(frames["opencv"], frames[backend], strict=True):
         touched = (one != new_frame()).any(axis=-1)

@@ -82,10 +82,10 @@ def test_blur_spreads_colour_and_alpha_alike(dtype: type) -> None:
     assert blurred.rgba[..., 0] == pytest.approx(blurred.rgba[..., 3], abs=1e-5)
     assert blurred.rgba[..., 3].sum() == pytest.approx(800, rel=1e-3)
     white = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
-    merge(white, layer, blur=np.diag([16.0, 0.0]))
+    merge(white, blurred_layer(layer, np.diag([16.0, 0.0]), white.shape[:2]))
     assert (white == 255).all()
     black = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    merge(black, layer, blur=np.diag([16.0, 0.0]))
+    merge(black, blurred_layer(layer, np.diag([16.0, 0.0]), black.shape[:2]))
     row = black[70, :, 0].astype(float) / 255
     profile = -np.diff(row[120:])  # of the edge: a Gaussian of the blur's variance
     x = np.arange(len(profile)) - (profile * np.arange(len(profile))).sum()
@@ -94,14 +94,15 @@ def test_blur_spreads_colour_and_alpha_alike(dtype: type) -> None:
 
 def test_blur_at_the_frames_edge_does_not_let_the_frame_in() -> None:
     frame = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    merge(frame, Layer((slice(0, 150), slice(0, 300)), np.full((150, 300, 4), 255, np.uint8)), blur=np.eye(2) * 25)
+    layer = Layer((slice(0, 150), slice(0, 300)), np.full((150, 300, 4), 255, np.uint8))
+    merge(frame, blurred_layer(layer, np.eye(2) * 25, frame.shape[:2]))
     assert (frame == 255).all()
 
 
 def test_too_little_blur_is_none() -> None:
     one, other = frame_of(np.uint8), frame_of(np.uint8)
     merge(one, layer_of(np.uint8))
-    merge(other, layer_of(np.uint8), blur=np.eye(2) * BLUR.least_variance * 0.9)
+    merge(other, blurred_layer(layer_of(np.uint8), np.eye(2) * BLUR.least_variance * 0.9, other.shape[:2]))
     assert (one == other).all()
 
 
