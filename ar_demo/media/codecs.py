@@ -270,7 +270,8 @@ def pixel_format(
     if chosen is None:
         others = [c.name for c in CODECS if suffix in c.containers and _fitting(c, width, height, depth, None, alpha)]
         bits = f" with {depth} bits per sample" if depth > 8 else ""
-        advice = f"use {any_of(others)}" if others else "use fewer bits or another container"
+        other = "fewer bits or another container" if depth > 8 else "another container, or an even size"
+        advice = f"use {any_of(others) or other}"
         raise InputError(f"codec {codec.name} cannot write {width}x{height}{bits}: {advice}")
     return chosen
 
