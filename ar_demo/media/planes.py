@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import av
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hdn.imaging.arrays import Box, Picture
+from hdn.imaging.arrays import Box, Mask, Picture
 
 from .color import TURNS, Colour
 
@@ -20,6 +20,26 @@ Samples = NDArray[Any]  # (h, w) of one plane, uint8 or uint16
 MARGIN_CELLS = 4  # chroma samples around a box that are converted with it, since filters reach over its edge
 
 _PLANAR = re.compile(r"yuvj?4\d\dp(\d+le)?|gbrp(\d+le)?|gray(\d+le)?")  # one sample format, a plane for each component
+
+
+class Drawn(NamedTuple):
+    """What was drawn into a picture.
+
+    Attributes:
+        box: rows and columns of the picture.
+        changed: (h, w) which pixels of the box are others than before.
+    """
+
+    box: Box
+    changed: Mask
+
+    @staticmethod
+    def of(before: Picture, after: Picture, box: Box) -> Drawn:
+        """In a box of a picture (H, W, 3)."""
+        if before[box].size == 0:
+            return Drawn(box, np.zeros(before[box].shape[:2], bool))
+        difference = cv2.absdiff(before[box], after[box])
+        return Drawn(box, cv2.inRange(difference, (0, 0, 0), (0, 0, 0)) == 0)
 
 
 class Planes:
@@ -39,18 +59,18 @@ class Planes:
         self._frame, self._rotation = frame, rotation
 
     def with_drawn(
-        self, image: Picture, boxes: Iterable[Box], from_rgb: Callable[[Picture], av.VideoFrame]
+        self, image: Picture, drawn: Iterable[Drawn], from_rgb: Callable[[Picture], av.VideoFrame]
     ) -> av.VideoFrame:
         """The picture with what was drawn on it; may be called once, since the samples are changed in place.
 
         Args:
-            image: (H, W, 3) RGB, uint8 or uint16 in full scale, valid in the boxes and some pixels around them.
-            boxes: where it was drawn into; the chroma samples that they share with what is around them are changed too.
+            image: (H, W, 3) RGB, uint8 or uint16 in full scale.
+            drawn: where it was drawn into; chroma samples that a changed pixel has a part in are changed too.
             from_rgb: converts to `pix_fmt` and `colour`.
         """
         frame = self._own()
         unit = cell(self.pix_fmt)
-        for box in boxes:
+        for box, changed in drawn:
             outer = grown(box, MARGIN_CELLS, unit, image.shape)
             part = from_rgb(image[outer])
             for index in range(len(frame.planes)):
@@ -59,9 +79,10 @@ class Planes:
                     slice(s.start // n, -(-s.stop // n)) for s, n in zip(box, (height, width), strict=True)
                 )
                 top, left = outer[0].start // height, outer[1].start // width
-                samples(frame, index)[rows, columns] = samples(part, index)[
+                new = samples(part, index)[
                     rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
                 ]
+                np.copyto(samples(frame, index)[rows, columns], new, where=_in_cells(changed, box, width, height))
         return frame
 
     def _own(self) -> av.VideoFrame:
@@ -108,6 +129,19 @@ def grown(box: Box, by: int, unit: tuple[int, int], shape: Sequence[int]) -> Box
         slice(max(rows.start // height - by, 0) * height, min((-(-rows.stop // height) + by) * height, last_row)),
         slice(max(columns.start // width - by, 0) * width, min((-(-columns.stop // width) + by) * width, last_column)),
     )
+
+
+def _in_cells(changed: Mask, box: Box, width: int, height: int) -> Mask:
+    """Which cells, of so many columns and rows of the picture, have a changed pixel of a box in them."""
+    if width == height == 1:
+        return changed
+    (top, bottom), (left, right) = (
+        (s.start % n, -(-s.stop // n) * n - s.start // n * n) for s, n in zip(box, (height, width), strict=True)
+    )
+    whole = np.zeros((bottom, right), bool)
+    whole[top : top + changed.shape[0], left : left + changed.shape[1]] = changed
+    parts = [whole[y::height, x::width] for y in range(height) for x in range(width)]
+    return np.asarray(np.logical_or.reduce(parts))
 
 
 def samples(frame: av.VideoFrame, index: int) -> Samples:

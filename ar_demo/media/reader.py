@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from dataclasses import replace as changed
@@ -31,7 +31,7 @@ from .download import Download, is_url
 from .fingerprint import fingerprint
 from .index import Index, demux
 from .mastering import Mastering, dynamic_metadata
-from .planes import Planes, can_be_kept
+from .planes import Drawn, Planes, can_be_kept
 from .sequences import ImageSequence
 
 log = logging.getLogger(__name__)
@@ -111,7 +111,7 @@ class Frame:
     duration: Fraction
     image: Picture
     planes: Planes | None = None
-    drawn: list[Box] = field(default_factory=list)
+    drawn: list[Drawn] = field(default_factory=list)
     hdr: Hdr | None = None
     damaged: bool = False
     view: Image = field(init=False)
@@ -119,11 +119,12 @@ class Frame:
     def __post_init__(self) -> None:
         object.__setattr__(self, "view", self._seen(self.image))
 
-    def add_drawn(self, box: Box) -> None:
-        """Takes note of a box that the image was drawn into."""
-        self.drawn.append(box)
-        if self.view is not self.image:
-            self.view[box] = self._seen(self.image[box])
+    def add_drawn(self, before: Picture, boxes: Iterable[Box]) -> None:
+        """Takes note of what was drawn into the image, in these boxes. before: (H, W, 3) the image without that."""
+        for box in boxes:
+            self.drawn.append(Drawn.of(before, self.image, box))
+            if self.view is not self.image:
+                self.view[box] = self._seen(self.image[box])
 
     def _seen(self, image: Picture) -> Image:
         if image.dtype == np.uint8:

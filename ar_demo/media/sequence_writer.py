@@ -12,14 +12,14 @@ from typing import Self, cast
 import av
 import numpy as np
 
-from hdn.imaging.arrays import Box, Floats, Picture
+from hdn.imaging.arrays import Floats, Picture
 
 from ..errors import InputError, RunError
 from . import codecs
 from .claims import Claim, reason_of
 from .color import FromRGB
 from .numbering import Numbering
-from .planes import Planes
+from .planes import Drawn, Planes
 from .srgb import to_linear
 from .transparency import FromRGBA
 
@@ -87,7 +87,7 @@ class SequenceWriter:
         time: Fraction,
         duration: Fraction | None = None,
         planes: Planes | None = None,
-        drawn: Sequence[Box] = (),
+        drawn: Sequence[Drawn] = (),
     ) -> None:
         """Appends a picture.
 

@@ -18,7 +18,7 @@ from av.codec.context import Flags
 from av.packet import Packet
 from av.video.stream import VideoStream
 
-from hdn.imaging.arrays import Box, Picture
+from hdn.imaging.arrays import Picture
 
 from ..errors import InputError, RunError
 from . import codecs
@@ -26,7 +26,7 @@ from .claims import Claim, reason_of
 from .color import BT709, Colour, FromRGB
 from .mastering import Mastering
 from .palette import ToPalette
-from .planes import Planes, plain
+from .planes import Drawn, Planes, plain
 from .streams import Streams
 from .transparency import FromRGBA
 
@@ -161,7 +161,7 @@ class VideoWriter:
         time: Fraction,
         duration: Fraction | None = None,
         planes: Planes | None = None,
-        drawn: Sequence[Box] = (),
+        drawn: Sequence[Drawn] = (),
     ) -> None:
         """Appends a frame.
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hdn.imaging.arrays import Grey, Image
+from hdn.imaging.arrays import Box, Grey, Image
 from hdn.networks.loading import shared_matte
 
 from ..choices import Backend
@@ -52,14 +52,13 @@ class _Drawn:
             image, track.corners[index], float(track.deviation[index]), lost, cut, motion
         )
 
-    def draw(self, frame: Frame, elapsed: Fraction, conditions: Conditions | None, cover: Grey | None) -> None:
-        """Draws into the frame; elapsed: seconds since the video began. cover: see `Painter.draw`."""
-        if frame.index < len(self._poses):
-            pose, opacity = self._poses[frame.index], float(self._opacities[frame.index])
-            after = elapsed - self._begin
-            box = self.painter.draw(frame.image, pose, opacity, after, conditions, cover, frame.hdr)
-            if box is not None:
-                frame.add_drawn(box)
+    def draw(self, frame: Frame, elapsed: Fraction, conditions: Conditions | None, cover: Grey | None) -> Box | None:
+        """Draws into the frame; elapsed: seconds since the video began. See `Painter.draw` for the rest."""
+        if frame.index >= len(self._poses):
+            return None
+        pose, opacity = self._poses[frame.index], float(self._opacities[frame.index])
+        after = elapsed - self._begin
+        return self.painter.draw(frame.image, pose, opacity, after, conditions, cover, frame.hdr)
 
 
 class Renderer(AbstractContextManager["Renderer"]):
@@ -105,16 +104,16 @@ class Renderer(AbstractContextManager["Renderer"]):
         Args: apart: whether what was laid on them comes beside them, by itself.
         """
         for frame in frames:
-            if not apart:
-                self._draw(frame)
-                yield frame, None
-                continue
-            before, cover = frame.image.copy(), np.zeros(frame.image.shape[:2], np.float32)
-            self._draw(frame, cover)
-            yield frame, Insert.of(before, frame.image, cover, frame.drawn)
+            before = frame.image.copy()
+            cover = np.zeros(frame.image.shape[:2], np.float32) if apart else None
+            boxes = self._draw(frame, cover)
+            frame.add_drawn(before, boxes)
+            yield frame, None if cover is None else Insert.of(before, frame.image, cover, boxes)
 
-    def _draw(self, frame: Frame, cover: Grey | None = None) -> None:
+    def _draw(self, frame: Frame, cover: Grey | None) -> list[Box]:
         elapsed = frame.time - self._reader.times[0]
         seen = [drawn.conditions(frame.index, frame.view) for drawn in self._drawn]  # before anything is drawn
-        for drawn, conditions in zip(self._drawn, seen, strict=True):
-            drawn.draw(frame, elapsed, conditions, cover)
+        boxes = [
+            drawn.draw(frame, elapsed, conditions, cover) for drawn, conditions in zip(self._drawn, seen, strict=True)
+        ]
+        return [box for box in boxes if box is not None]

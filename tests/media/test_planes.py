@@ -27,8 +27,9 @@ def noisy(count: int, seed: int = 0) -> list[clips.Image]:
 
 
 def red_in_the_box(frame: Frame) -> None:
+    before = frame.image.copy()
     frame.image[BOX] = (np.iinfo(frame.image.dtype).max, 0, 0)
-    frame.add_drawn(BOX)
+    frame.add_drawn(before, [BOX])
 
 
 def through(
@@ -132,6 +133,27 @@ def test_a_frame_that_is_not_drawn_into_is_the_decoders(tmp_path: Path) -> None:
     target = through(source, tmp_path / "b.mkv", "ffv1", lambda frame: None)
     for before, after in zip(decoded(source), decoded(target), strict=True):
         assert all(np.array_equal(samples(before, i), samples(after, i)) for i in range(3))
+
+
+@pytest.mark.parametrize("pix_fmt", ["yuv420p", "yuv422p10le"])
+def test_in_the_box_pixels_that_did_not_change_are_the_decoders_too(tmp_path: Path, pix_fmt: str) -> None:
+    """As in the corners around a tilted ad."""
+    spot = slice(50, 70), slice(61, 90)
+
+    def draw(frame: Frame) -> None:
+        before = frame.image.copy()
+        frame.image[spot] ^= 0xFF
+        frame.add_drawn(before, [BOX, (slice(0, 0), slice(0, 0))])
+
+    source = clips.make_clip(tmp_path / "a.mkv", noisy(1), codec="ffv1", pix_fmt=pix_fmt)
+    [before], [after] = decoded(source), decoded(through(source, tmp_path / "b.mkv", "ffv1", draw))
+    for index in range(3):
+        a, b = samples(before, index), samples(after, index)
+        x, y = cell(pix_fmt) if index else (1, 1)
+        inside = np.zeros(a.shape, bool)
+        inside[spot[0].start // y : -(-spot[0].stop // y), spot[1].start // x : -(-spot[1].stop // x)] = True
+        assert np.array_equal(a[~inside], b[~inside])
+        assert (a[inside] != b[inside]).mean() > 0.7
 
 
 def test_a_box_grows_to_whole_cells_inside_the_picture() -> None:
