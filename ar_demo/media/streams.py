@@ -20,6 +20,7 @@ from ..choices import AudioMode, KeptStreams, Playback
 from .audio import Encode, Form, Samples, ad_samples, first_heard, first_samples, form_for, samples, silence
 from .carried import COPIED_SOUND, COPIED_SUBTITLES, ENCODED_SUBTITLES, TEXT_SUBTITLES, codec_name, takes
 from .copying import Copy, Feed, Still, Subtitles, attached_picture
+from .decode import stream_duration
 from .metadata import carry_chapters, carry_stream_tags, carry_tags
 
 log = logging.getLogger(__name__)
@@ -97,12 +98,13 @@ class Streams:
                     f"{', '.join(left)}; --streams first keeps none but the picture and the first sound"
                 )
             carry_tags(container, output, self._location)
-            first = Fraction(0)
             if main is not None:
                 carry_stream_tags(main, picture, self._location)
                 picture.disposition = main.disposition
                 first = (main.start_time or 0) * (main.time_base or Fraction(0))
-            carry_chapters(container, output, self._zero(first), self._end)
+                length = stream_duration(container, main, first)
+                end = first + length if self._end is None and length else self._end
+                carry_chapters(container, output, self._zero(first), end)
 
     def begin(self, picture: Fraction) -> Fraction:
         """Takes note of when the first picture is shown; the output's zero, before it where sound is heard before it.
@@ -150,15 +152,15 @@ class Streams:
             held = cast(AttachmentStream, stream)
             output.add_attachment(held.name or "attachment", held.mimetype or "application/octet-stream", held.data)
             return None
+        if stream.type == "data" and output.format.name in ("mp4", "mov") and _GOPRO in _handler(stream):
+            self._copy(output, stream)
+            return None
         if stream.type == "data" and (_is_chapters(container, stream) or "timecode" in stream.metadata):
             return None  # written anew from chapters and tags
         if stream.type == "video" and stream.disposition & Disposition.attached_pic:
             return self._attach_picture(output, stream)
         if stream.type == "video" and stream.codec_context is not None and takes(output.format.name, stream):
             self._copy(output, stream)
-            return None
-        if stream.type == "data" and output.format.name in ("mp4", "mov") and _GOPRO in _handler(stream):
-            self._feeds.append(Copy(self._source, stream.index, self._copied(output, stream), Fraction(0), self._warn))
             return None
         return _called(stream)
 
@@ -270,7 +272,8 @@ def _sound(path: Path) -> int | None:
 
 def _is_chapters(container: InputContainer, stream: Stream) -> bool:
     """Whether a stream is the track of text that MP4 and MOV keep chapters in."""
-    return "mov" in container.format.name and codec_name(stream) == "bin_data" and bool(container.chapters())
+    is_text = codec_name(stream) == "bin_data" and _GOPRO not in _handler(stream)
+    return "mov" in container.format.name and is_text and bool(container.chapters())
 
 
 def _handler(stream: Stream) -> str:

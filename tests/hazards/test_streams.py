@@ -11,6 +11,7 @@ from av.stream import Disposition
 
 from ar_demo.media.streams import Streams
 
+from .. import clips
 from ..media.test_carried import run_ffmpeg
 from ..videos import clip, rewrite
 
@@ -118,6 +119,18 @@ def test_chapters_end_where_the_output_does(rich: Path, tmp_path: Path) -> None:
         assert [c["metadata"]["title"] for c in container.chapters()] == ["One"]
 
 
+def test_chapters_are_no_longer_than_the_picture(rich: Path, tmp_path: Path) -> None:
+    source = tmp_path / "in.mov"
+    run_ffmpeg("-i", str(rich), "-map", "0:v:0", "-map_chapters", "0", "-c", "copy", "-t", "1", str(source))
+    short = tmp_path / "short.mov"
+    tags = tmp_path / "tags.txt"
+    tags.write_text(CHAPTERS)
+    run_ffmpeg("-i", str(source), "-i", str(tags), "-map", "0:v", "-map_chapters", "1", "-c", "copy", str(short))
+    with av.open(str(rewrite(short, tmp_path / "out.mkv", Streams("source", short)))) as container:
+        ends = [float(c["end"] * (c["time_base"] or 0)) for c in container.chapters()]
+    assert ends == [0.8, 1.0]
+
+
 def test_other_tracks_stay_as_they_are_beside_a_mix(rich: Path, tmp_path: Path) -> None:
     ad = clip(tmp_path / "ad.mp4", 1, sound=None)
     run_ffmpeg("-i", str(ad), "-f", "lavfi", "-i", "sine=300:d=1", "-c:v", "copy", "-shortest", str(tmp_path / "a.mp4"))
@@ -166,3 +179,41 @@ def test_a_subtitle_that_is_shown_already_is_shown_from_the_first_picture_on(tmp
     run_ffmpeg("-copyts", "-i", str(late), "-i", str(tmp_path / "s.srt"), "-c", "copy", str(source))
     output = rewrite(source, tmp_path / "out.mkv", Streams("source", source))
     assert [(round(a, 2), round(b, 2)) for a, b, _ in subtitles(output)] == [(0, 0.4), (0.7, 0.6)]
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "mov", "mkv"])
+def test_telemetry_goes_along_where_it_can_and_is_named_where_not(tmp_path: Path, suffix: str) -> None:
+    """A subtitle track that is made to look like a GoPro's, since no encoder writes one."""
+    picture = clip(tmp_path / "picture.mp4", 2)
+    (tmp_path / "s.srt").write_text(SUBTITLES)
+    source = tmp_path / "in.mp4"
+    run_ffmpeg("-i", str(picture), "-i", str(tmp_path / "s.srt"), "-c:v", "copy", "-c:s", "mov_text", str(source))
+    content = source.read_bytes().replace(b"tx3g", b"gpmd").replace(b"sbtl", b"meta")
+    source.write_bytes(content.replace(b"SubtitleHandler", b"\tGoPro MET     "))
+    streams = Streams("source", source)
+    output = rewrite(source, tmp_path / f"out.{suffix}", streams)
+    assert ("GoPro MET" in " ".join(streams.warnings)) == (suffix == "mkv")
+    if suffix != "mkv":
+        assert data_packets(output) == data_packets(source)
+
+
+def data_packets(path: Path) -> list[tuple[Fraction, bytes]]:
+    with av.open(str(path)) as container:
+        [stream] = container.streams.data
+        base = stream.time_base or Fraction(0)
+        return [((packet.pts or 0) * base, bytes(packet)) for packet in container.demux(stream) if packet.size]
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "mov", "mkv", "webm"])
+def test_a_second_picture_goes_along_where_it_can(tmp_path: Path, suffix: str) -> None:
+    first, second = clip(tmp_path / "a.mp4", 1), clip(tmp_path / "b.mp4", 1, options={"bf": "2"})
+    source = tmp_path / "in.mp4"
+    run_ffmpeg("-i", str(first), "-i", str(second), "-map", "0", "-map", "1", "-c", "copy", str(source))
+    streams = Streams("source", source)
+    output = rewrite(source, tmp_path / f"out.{suffix}", streams)
+    assert ("video h264" in " ".join(streams.warnings)) == (suffix == "webm")
+    with av.open(str(output)) as container:
+        assert len(container.streams.video) == (1 if suffix == "webm" else 2)
+        if suffix != "webm":
+            shown = [frame.to_ndarray(format="rgb24") for frame in container.decode(container.streams.video[1])]
+            assert [clips.number_of(image) for image in shown] == list(range(25))
