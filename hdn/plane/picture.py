@@ -38,6 +38,8 @@ class PictureModel:
     min_views: int = 3  # beside the first; with fewer that is all there is
     max_deviation: float = 0.04  # of the corners, as a share of the target's size: less certain views are not used
     min_agreement: float = 0.3  # share of a view that has to agree with the others' picture, for it to be used
+    sharp_views: int = 6  # the sharpest; those that are blurrier than these are not used,
+    blurrier_px2: float = 3.0  # by a sum of the variances along x and y, px^2 of the refiner's standard crop
     rounds: int = 2  # of aligning all views with what they make together
 
     # The first view.
@@ -166,7 +168,13 @@ class PictureBuilder:
             found = [self._anchored(refiner, template, known, trust)]
             found += [refiner.align(Observation(view.image), np.eye(3), trust) for view in views[1:]]
             shares = [_agreeing(alignment, sure) for alignment in found]
-            used = [k for k, share in enumerate(shares) if k == 0 or share >= MODEL.min_agreement]
+            blurs = [float(np.trace(alignment.blur)) for alignment in found]
+            most = sorted(blurs[1:])[: MODEL.sharp_views][-1] + MODEL.blurrier_px2
+            used = [
+                k
+                for k, (share, blur) in enumerate(zip(shares, blurs, strict=True))
+                if k == 0 or (share >= MODEL.min_agreement and blur <= most)
+            ]
             views, found = [views[k] for k in used], [found[k] for k in used]
             if len(views) <= MODEL.min_views:
                 return None
