@@ -52,20 +52,22 @@ class Keys:
     @property
     def lost_runs(self) -> list[tuple[int, int]]:
         """First and last frame of each run of lost frames, as the other program numbers them."""
-        return [(a + self.first_frame, b + self.first_frame) for a, b in runs((~self.track.known).tolist())]
+        first, lost_ones = self.track.first, ~self.track.known[self.track.inside]
+        return [(a + first + self.first_frame, b + first + self.first_frame) for a, b in runs(lost_ones.tolist())]
 
     @property
     def cuts(self) -> list[int]:
         """Frames that begin another shot, as the other program numbers them."""
-        return [self.first_frame + cut for cut in self.track.cuts]
+        return [self.first_frame + cut for cut in self.track.cuts if self.track.first < cut <= self.track.last]
 
     @property
     def notes(self) -> list[str]:
         """What a person should know of the keys, a line each, for formats that have comments."""
         source = self.track.source
         return [
-            f"ar-replace: corners of a surface in {Path(source.path).name}, {source.width}x{source.height}, "
+            f"ar-replace: corners of a surface in {printable(Path(source.path).name)}, {source.width}x{source.height}, "
             f"{float(source.fps):.6g} frames/s, {len(self.track)} frames from frame {self.first_frame} on",
+            *([f"frames {self.frames[0]} to {self.frames[-1]} alone have keys"] if self.track.span else []),
             *self.marks,
         ]
 
@@ -80,7 +82,9 @@ class Keys:
 
 
 def keys_of(track: Track, first_frame: int, insert: tuple[int, int] | None = None, lost: LostKeys = "hold") -> Keys:
-    """A track as keys. Frames that are lost before the surface is first found take its first corners.
+    """A track as keys; of one that has a span, in that.
+
+    Frames that are lost before the surface is first found take its first corners.
 
     Args:
         insert: px; None for the video's own size.
@@ -88,14 +92,15 @@ def keys_of(track: Track, first_frame: int, insert: tuple[int, int] | None = Non
     Raises:
         InputError: the surface is lost in all frames.
     """
-    known = np.flatnonzero(track.known)
+    inside = np.arange(len(track))[track.inside]
+    known = inside[track.known[inside]]
     if not len(known):
         raise InputError("the surface is lost in every frame: there is nothing to export")
     if lost == "omit":
         indices = known
         sources = known
     else:
-        indices = np.arange(len(track))
+        indices = inside
         sources = known[np.maximum(np.searchsorted(known, indices, "right") - 1, 0)]
     size = (track.source.width, track.source.height)
     return Keys(track, first_frame, insert or size, lost, indices.tolist(), track.corners[sources])
@@ -105,6 +110,11 @@ def runs(flags: Sequence[bool]) -> list[tuple[int, int]]:
     """First and last place of each run of true flags."""
     edges = np.flatnonzero(np.diff([0, *map(int, flags), 0]))
     return [(int(start), int(stop) - 1) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def printable(text: str) -> str:
+    """The text on one line, whatever is in a file's name: a comment must not end before its end."""
+    return "".join(character if character.isprintable() else "?" for character in text)
 
 
 def number(value: float, digits: int = 4) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 from ..errors import InputError
 from .coordinates import BL, BR, TL, TR
 from .csv_table import LEGEND
-from .keys import Keys
+from .keys import Keys, printable
 
 NAMES = {"top_left": TL, "top_right": TR, "bottom_right": BR, "bottom_left": BL}
 
@@ -31,8 +31,8 @@ def timeline(keys: Keys) -> str:
     marks = [(span(*run), "lost", io.schema.MarkerColor.RED) for run in keys.lost_runs]
     marks += [(span(cut, cut), "another shot begins", io.schema.MarkerColor.YELLOW) for cut in keys.cuts]
     clip = io.schema.Clip(
-        name=Path(source.path).stem,
-        media_reference=io.schema.ExternalReference(target_url=source.path, available_range=whole),
+        name=printable(Path(source.path).stem),
+        media_reference=io.schema.ExternalReference(target_url=printable(source.path), available_range=whole),
         source_range=whole,
         markers=[io.schema.Marker(name=text, marked_range=where, color=color) for where, text, color in marks],
         metadata={

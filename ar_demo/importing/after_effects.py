@@ -53,6 +53,9 @@ def read(text: str, width: int, height: int) -> Corners:
 
 def _number(word: str) -> float:
     try:
-        return float(word)
+        number = float(word)
     except ValueError:
-        raise InputError(f"'{word}' is no number: the file is not as After Effects writes it") from None
+        number = np.nan
+    if not np.isfinite(number):
+        raise InputError(f"'{word}' is no number: the file is not as After Effects writes it")
+    return number

@@ -19,7 +19,7 @@ NEEDED = [COLUMNS[0], *COLUMNS[3:]]
 
 def is_ours(text: str) -> bool:
     """Whether a file's text has the table's columns."""
-    rows = [line for line in text.splitlines() if not line.startswith("#")]
+    rows = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     return bool(rows) and set(NEEDED) <= {name.strip() for name in rows[0].lstrip("\ufeff").split(",")}
 
 
@@ -34,8 +34,9 @@ def read(text: str, width: int, height: int) -> Corners:
     points: dict[int, Array] = {}
     states: dict[int, State] = {}
     rows = csv.DictReader(
-        StringIO("\n".join(line for line in lines if not line.startswith("#"))), skipinitialspace=True
+        StringIO("\n".join(line for line in lines if line.strip() and not line.startswith("#"))), skipinitialspace=True
     )
+    rows.fieldnames = [name.strip() for name in rows.fieldnames or []]
     for number, row in enumerate(rows, 1):
         try:
             values = [row[name] or "" for name in NEEDED[1:]]
@@ -43,7 +44,7 @@ def read(text: str, width: int, height: int) -> Corners:
                 continue
             frame = int(row[NEEDED[0]])
             points[frame] = np.array([float(value) for value in values]).reshape(4, 2)
-        except (TypeError, ValueError):
+        except (KeyError, TypeError, ValueError):
             raise InputError(
                 f"row {number} has something else than numbers: give a frame and eight coordinates"
             ) from None

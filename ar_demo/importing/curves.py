@@ -39,7 +39,7 @@ def sampled(curves: Sequence[Sequence[Curve]]) -> tuple[dict[int, Array], frozen
         InputError: the keys are too far apart to be a video's.
     """
     keyed = {frame for point in curves for curve in point for frame in curve if np.isfinite(frame)}
-    if not keyed:
+    if not keyed or not all(curve for point in curves for curve in point):
         return {}, frozenset()
     first, last = int(np.ceil(min(keyed))), int(np.floor(max(keyed)))
     if last - first > MOST_FRAMES:

@@ -83,7 +83,7 @@ def _curve(text: str) -> Curve:
         for word in words:
             if word[0] == "x":
                 frame = float(word[1:])
-            elif word[0] in "-+.0123456789":
+            elif word[0] in "-+.0123456789" and np.isfinite(float(word)):
                 curve[frame if moving else np.inf] = float(word)
                 frame += 1
             elif not re.fullmatch(r"[A-Za-z]([-+.\d][-+.e\d]*)?", word):

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -142,6 +143,31 @@ def test_frames_before_the_surface_is_found_take_its_first_corners() -> None:
     np.testing.assert_array_equal(keys_of(make(corners), 0).corners, [QUAD, QUAD])
     with pytest.raises(InputError, match="lost in every frame"):
         keys_of(make(corners[:1]), 0)
+
+
+@pytest.mark.parametrize(
+    "video", ["a\nimport os\r.mp4", 'a"}\\.mp4', "%s%(name)s.mp4", "\udcff\u2028.mp4", "плакат 東.mp4"]
+)
+@pytest.mark.parametrize("name", PARSERS)
+def test_names_of_videos_are_names_alone(tmp_path: Path, name: str, video: str) -> None:
+    track = TRACKS["moving"]()
+    track.source = replace(track.source, path=video)
+    if name == "otio":
+        pytest.importorskip("opentimelineio")
+    file = tmp_path / f"t{exporters()[name].suffixes[0]}"
+    export_track(track, [file], [name])
+    text = file.read_text(encoding="utf-8")
+    assert not any(line.startswith("import os") for line in text.splitlines()[:9] if name != "blender")
+    found = PARSERS[name](text, 320, 240)
+    assert np.abs(next(iter(found.values())) - track.corners[0]).max() < PRECISION
+
+
+@pytest.mark.parametrize("lost", ["hold", "omit"])
+def test_a_span_has_keys_alone(lost: str) -> None:
+    keys = keys_of(TRACKS["lost"]().within(2, 6), 1001, None, lost)  # type: ignore[arg-type]
+    assert keys.frames == ([1003, 1004, 1005, 1006, 1007] if lost == "hold" else [1003, 1006, 1007])
+    assert keys.lost_runs == [(1004, 1005)]
+    assert "frames 1003 to 1007 alone have keys" in keys.notes
 
 
 @pytest.mark.parametrize(

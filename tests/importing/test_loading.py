@@ -160,6 +160,9 @@ def test_reads_what_after_effects_writes(tmp_path: Path, video: Path, line: str)
         ("frame,x1,y1,x2,y2,x3,y3,x4,y4\n0,1,2,3,4,5,6,7,eight", "row 1"),
         ("frame,x1,y1,x2,y2,x3,y3,x4,y4\n0,1,2,3,4,5,6,7,", "no row"),
         ("frame,x1,y1,x2,y2,x3,y3,x4,y4\n0,0,0,9,9,9,0,0,9", "cross"),
+        (of_after_effects().replace("\t0\t10.5\t20.5", "\tat\t10.5"), "no Corner Pin"),
+        (of_after_effects().replace("2.05e1", "inf"), "'inf' is no number"),
+        (OF_NUKE.replace("20.5 30.5", "20.5 1e999"), "no curve"),
         ("frame,x1,y1\n0,1,2", "not a track file"),
         ("Tracker4 {\n}", "not a track file"),
         ("", "not a track file"),
@@ -212,3 +215,9 @@ def test_commands_and_jobs_take_them(run: Run, tmp_path: Path, video: Path) -> N
     code, _, err = run(video, "--effect", "blur", "--track", tmp_path / "t.json", "--first-frame", 5)
     assert code == 2
     assert "counts from 0" in err
+
+
+def test_a_table_may_be_loosely_written(tmp_path: Path, video: Path) -> None:
+    text = "\n# mine\n\n frame , x1, y1,x2 ,y2,x3,y3,x4,y4, note\n\n1, 0,0, 90,0, 90,90, 0,90, corner\n\n"
+    (tmp_path / "t.csv").write_text(text)
+    assert load_track(tmp_path / "t.csv", video).states[:3] == ["lost", "tracked", "lost"]
