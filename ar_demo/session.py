@@ -223,7 +223,7 @@ class Session(AbstractContextManager["Session"]):
             warnings += writer.warnings
             video = outputs.video.path if outputs.video else None
             if video and options.audio != "none" and info.has_audio and not holds_sound(video):
-                warnings.append(f"{video.suffix} holds no sound: it is left out")
+                log.info("%s holds no sound: it is left out", video.suffix)
             if count < length and end == Moment():
                 of_track = counted(length, "frame")
                 warnings.append(f"{self.reader.path} has only {count} of the track's {of_track}: the rest is left out")

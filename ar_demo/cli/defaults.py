@@ -25,6 +25,7 @@ from ..choices import ProgressKind
 from ..errors import InputError
 from ..media import codecs
 from ..options import OutputOptions, TrackingOptions
+from ..rendering.outputs import OF_A_VIDEO, OF_SOUND
 from ..surface import ADS_ALONE, Surface
 from .jobs import RenderingEntry, SurfaceEntry, TrackingEntry
 
@@ -53,20 +54,22 @@ class Defaults:
         return Defaults({name: value for name, value in self._values.items() if name not in names})
 
     def fitting(self, video: Path | None, codec: str | None) -> "Defaults":
-        """Without a codec that a video of this name does not hold, and a quality that its codec does not know.
+        """Without what an output of this name has no use for: a codec, or sound, that it does not hold, a quality that
+        its codec does not know.
 
         Args:
             video: None where none is written. codec: that is asked for; None leaves it to the defaults.
         """
         if video is None:
-            return self.without(("codec", "crf"))
+            return self.without((*OF_A_VIDEO, *OF_SOUND))
+        silent = () if codecs.holds_sound(video) else OF_SOUND
         for name in (codec, None) if codec else (self._values.get("codec"), None):
             try:
                 knows_quality = codecs.choose(video, name).name in WITH_QUALITY
             except InputError:
                 continue
             unfit = (*(("codec",) if name is None else ()), *(() if knows_quality else ("crf",)))
-            return self.without(unfit)
+            return self.without((*unfit, *silent))
         return self
 
     def of(self, kind: type) -> dict[str, Any]:

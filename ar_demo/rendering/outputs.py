@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from dataclasses import replace as changed
@@ -15,7 +16,7 @@ from hdn.imaging.arrays import Picture
 from ..compositing.separation import Insert
 from ..errors import InputError
 from ..media.claims import Claim
-from ..media.codecs import is_picture
+from ..media.codecs import holds_sound, is_picture
 from ..media.color import BT709
 from ..media.form import form_of
 from ..media.outputs import Writer, open_output
@@ -23,6 +24,9 @@ from ..media.reader import Frame, VideoInfo
 from ..media.streams import Streams
 from ..options import OutputOptions
 from .layers import LayerWriter, MatteWriter
+
+OF_A_VIDEO = ("codec", "crf", "depth")
+OF_SOUND = ("audio", "streams", "location")
 
 
 @dataclass(frozen=True)
@@ -57,15 +61,21 @@ class Outputs:
     def check(self, options: OutputOptions) -> None:
         """Raises InputError for an option that does nothing for these."""
         if self.video is None:
-            for name in ("codec", "crf"):
-                if getattr(options, name) is not None:
-                    raise InputError(f"--{name} is for the video that -o names, and there is none: leave it out")
-        if options.start_number is not None and not any(map(is_picture, self.paths)):
-            raise InputError("--start-number is for image sequences, and none is written: leave it out")
+            _refuse(options, OF_A_VIDEO + OF_SOUND, "is for the video that -o names, and there is none")
+        elif not holds_sound(self.video.path) and options.audio != "none":
+            _refuse(options, OF_SOUND, f"is for sound, and {self.video.path.suffix} holds none")
         if self.layer is None:
-            for name in ("alpha", "layer_codec"):
-                if getattr(options, name) is not None:
-                    raise InputError(f"--{name.replace('_', '-')} does nothing without --layer: leave it out")
+            _refuse(options, ("alpha", "layer_codec"), "does nothing without --layer")
+        if not any(map(is_picture, self.paths)):
+            _refuse(options, ("start_number",), "is for image sequences, and none is written")
+
+
+def _refuse(options: OutputOptions, names: Iterable[str], why: str) -> None:
+    """Raises InputError for the first of the options named that is not as usual."""
+    for name in names:
+        if getattr(options, name) != getattr(OutputOptions, name):
+            flag = "--no-location" if name == "location" else f"--{name.replace('_', '-')}"
+            raise InputError(f"{flag} {why}: leave it out")
 
 
 class OutputWriters(AbstractContextManager["OutputWriters"]):

@@ -172,3 +172,17 @@ def test_bytes_are_refused(file: Path) -> None:
     file.write_bytes(b"\xff")
     with pytest.raises(InputError, match="no text"):
         load_defaults()
+
+
+@pytest.mark.parametrize(
+    ("video", "left"),
+    [
+        (None, {"backend": "opencv"}),
+        ("o.gif", {"backend": "opencv", "depth": "10"}),
+        ("o.%d.png", {"backend": "opencv", "depth": "10"}),
+        ("o.mov", {"backend": "opencv", "depth": "10", "audio": "mix", "streams": "first"}),
+    ],
+)
+def test_sound_is_for_videos_that_hold_it(file: Path, video: str | None, left: dict[str, str]) -> None:
+    file.write_text('audio = "mix"\nstreams = "first"\nbackend = "opencv"\ndepth = "10"\n')
+    assert load_defaults().fitting(None if video is None else Path(video), None).output() == left

@@ -135,7 +135,7 @@ def test_the_matte_is_the_layers_alpha_and_clear_under_an_occluder(
 def test_a_layer_has_the_times_of_the_video_and_no_sound(folder: Path, tmp_path: Path) -> None:
     surfaces = [Surface(folder / "ad.png", SCENE.quad, flat=True)]
     with Session(folder / "src.mov", make_tracker=Still) as session:
-        result = session.render(session.track(surfaces), layer=tmp_path / "l.mov", options=OutputOptions(audio="none"))
+        result = session.render(session.track(surfaces), layer=tmp_path / "l.mov")
         assert (result.output, result.layer, result.frames) == (None, tmp_path / "l.mov", FRAMES)
         assert result.summary()["layer"] == str(tmp_path / "l.mov")
     with Session(tmp_path / "l.mov") as layer:
@@ -151,6 +151,10 @@ def test_a_layer_has_the_times_of_the_video_and_no_sound(folder: Path, tmp_path:
         ({"layer": "l.%d.exr"}, {"alpha": "straight"}, "OpenEXR is premultiplied"),
         ({"layer": "l.mov"}, {"codec": "h264"}, "--codec is for the video that -o names"),
         ({"matte": "m.mov"}, {"crf": 20}, "--crf is for the video that -o names"),
+        ({"layer": "l.mov"}, {"location": False}, "--no-location is for the video that -o names"),
+        ({"layer": "l.mov"}, {"depth": "8"}, "--depth is for the video that -o names"),
+        ({"output": "o.gif"}, {"audio": "mix"}, "--audio is for sound, and .gif holds none"),
+        ({"output": "o.%d.png"}, {"streams": "first"}, "--streams is for sound, and .png holds none"),
         ({"output": "o.mov"}, {"alpha": "straight"}, "--alpha does nothing without --layer"),
         ({"matte": "m.mov"}, {"layer_codec": "animation"}, "--layer-codec does nothing without --layer"),
         ({"layer": "l.%d.png"}, {"layer_codec": "animation"}, "has one way to be written"),
@@ -166,7 +170,7 @@ def test_what_does_not_go_together_is_refused(
         render(
             folder,
             [Surface(effect="mosaic", quad=SCENE.quad)],
-            {"audio": "none"} | options,
+            options,
             **{name: tmp_path / file for name, file in outputs.items()},
         )
     assert said in str(caught.value)
