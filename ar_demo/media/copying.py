@@ -43,7 +43,7 @@ def open_alone(path: Path, index: int) -> tuple[InputContainer, Stream]:
 
 
 class Copy:
-    """Copies the packets of one stream, without touching what is in them."""
+    """Copies the packets of one stream, without touching what is in them; sound is decoded to see that it can be."""
 
     def __init__(self, path: Path, index: int, target: Stream, preroll: Fraction, warn: Warn) -> None:
         """Args:
@@ -56,6 +56,7 @@ class Copy:
         self._warn, self._preroll, self._target = warn, preroll, target
         self._name, self._kind = path.name, stream.type
         self._base = stream.time_base or Fraction(1, 1000)
+        self._checked = cast(Any, stream.codec_context) if stream.type == "audio" else None
         self._packets = self._container.demux(cast(Any, stream))
         self._next = self._read()
 
@@ -78,6 +79,11 @@ class Copy:
 
     def _ready(self, packet: Packet[Any]) -> Iterator[Packet[Any]]:
         """A packet, its times being the output's, as it goes to the output."""
+        if self._checked is not None:
+            try:
+                self._checked.decode(packet)
+            except (av.FFmpegError, OSError):
+                self._warn(f"the sound of {self._name} is damaged: it is copied as it is")
         packet.stream = self._target
         yield packet
 

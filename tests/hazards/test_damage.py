@@ -16,6 +16,7 @@ from ar_demo.media.streams import Streams
 from hdn.imaging.arrays import Image, Picture
 
 from .. import clips
+from ..conftest import Run
 from ..videos import clip, rewrite
 
 
@@ -64,6 +65,32 @@ def test_damaged_sound_does_not_stop_the_picture(tmp_path: Path) -> None:
     for mode in ("ad", "mix"):
         output = rewrite(source, tmp_path / f"{mode}.mp4", Streams(mode, source, broken))
         assert len(clips.frame_times(output)) == 50
+
+
+def test_damaged_sound_is_copied_and_told(tmp_path: Path) -> None:
+    source = clip(tmp_path / "in.mp4", 2, sound=clips.tone(2))
+    streams = Streams("source", source)
+    rewrite(source, tmp_path / "whole.mp4", streams)
+    assert streams.warnings == []
+    packets = clips.sound_packets(source)
+    data = source.read_bytes()
+    for _, content in packets[40:44]:
+        data = data.replace(content, np.random.default_rng(3).bytes(len(content)))
+    source.write_bytes(data)
+    streams = Streams("source", source)
+    output = rewrite(source, tmp_path / "out.mp4", streams)
+    assert streams.warnings == ["the sound of in.mp4 is damaged: it is copied as it is"]
+    assert len(clips.sound_packets(output)) == len(packets)
+
+
+@pytest.mark.usefixtures("shared_networks")
+def test_a_damaged_video_is_a_failure_if_that_is_wanted(tmp_path: Path, run: Run) -> None:
+    path = with_noise(clips.make_clip(tmp_path / "in.mp4", moving(50)))
+    arguments = [path, "--effect", "blur", "--quad", "40,30", "200,30", "200,130", "40,130", "-o", tmp_path / "o.mp4"]
+    status, _, err = run(*arguments, "--strict", "--end", "30")
+    assert status == 1
+    assert "is damaged: frame" in err
+    assert (tmp_path / "o.mp4").exists()
 
 
 def moving(count: int) -> list[Image]:
