@@ -2,19 +2,25 @@
 
 from fractions import Fraction
 from pathlib import Path
+from typing import cast
 
+import av
 import numpy as np
 import pytest
+from av.video.stream import VideoStream
 from numpy.typing import NDArray
 from PIL import Image
 
+from ar_demo import OutputOptions, Session, Surface
 from ar_demo.media import color
 from ar_demo.media.ad import open_ad
+from ar_demo.media.planes import samples
 from ar_demo.media.reader import VideoReader
 from ar_demo.media.writer import VideoWriter
 from hdn.errors import InputError
 
 from .. import clips
+from ..test_session import Still
 from ..videos import write
 
 
@@ -160,3 +166,33 @@ def test_odd_sizes_of_ten_bits(tmp_path: Path) -> None:
 def test_frames_of_other_kinds_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="8 or 16 bits"):
         write(tmp_path / "a.mp4", [np.zeros((64, 96, 3), np.float32)])
+
+
+@pytest.mark.parametrize(("name", "codec"), [("o.mp4", None), ("o.mkv", "ffv1"), ("o.mp4", "h264")])
+def test_a_ramp_of_all_levels_of_10_bits_by_default(tmp_path: Path, name: str, codec: str | None) -> None:
+    """In full range, with 1024 levels, beside an ad; H.264 at its usual quality would join some of them."""
+    row = np.arange(2048) // 2
+    frame = av.VideoFrame(2048, 96, "yuv420p10le")
+    samples(frame, 0)[:] = row
+    for index in (1, 2):
+        samples(frame, index)[:] = 512
+    with av.open(str(tmp_path / "in.mkv"), "w") as container:
+        stream = cast(VideoStream, container.add_stream("ffv1", rate=25))
+        stream.width, stream.height, stream.pix_fmt = 2048, 96, "yuv420p10le"
+        stream.codec_context.color_range = 2
+        for number in range(2):
+            frame.pts = number
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    quad = np.array([[100.0, 60], [160, 60], [160, 90], [100, 90]])
+    with Session(tmp_path / "in.mkv", make_tracker=Still) as session:
+        [surface] = session.track([Surface(quad=quad, effect="mosaic")])
+        session.render(
+            [surface], tmp_path / name, OutputOptions(backend="opencv", codec=codec, crf=6 if codec == "h264" else None)
+        )
+    with av.open(str(tmp_path / name)) as container:
+        after = next(container.decode(video=0))
+    assert (after.format.name, after.color_range) == ("yuv420p10le", 2)
+    luma = samples(after, 0)[20]
+    assert len(np.unique(luma)) > 900
+    assert np.abs(luma.astype(int) - row).max() <= (0 if codec == "ffv1" else 4)
