@@ -13,6 +13,7 @@ from ..importing.loading import load_track
 from ..live import LiveSession
 from ..media.claims import check_different
 from ..media.download import is_url
+from ..media.reader import VideoReader
 from ..media.sequences import ImageSequence, parse_rate
 from ..options import OutputOptions, TrackingOptions
 from ..pipeline import beside, default_output, plan_replacing, plan_tracking, replace, track
@@ -49,6 +50,7 @@ def _replace(given: Namespace, defaults: Defaults, display: Display) -> int:
         raise InputError("name the video: ar-replace VIDEO AD --quad ...")
     if "live" not in given:
         input = _source(input, _either("fps", given, job.fps if job else None))
+        _check_strict(given, input)
     in_job = job.tracking_options() if job else {}
     tracking = TrackingOptions(**defaults.tracking() | in_job | _of(TrackingOptions, given))
     output = _either("output", given, job.output if job else None)
@@ -90,6 +92,7 @@ def _track(given: Namespace, defaults: Defaults, display: Display) -> int:
     check_applicable(given)
     exports, export_options = exports_of(given)
     input = _source(given.input, getattr(given, "fps", None))
+    _check_strict(given, input)
     [surface] = _surfaces(given, None, input, Defaults())
     _check_tracked(given, [surface])
     output = given.output if "output" in given else beside(given.input, ".track.json")
@@ -161,6 +164,15 @@ def _source(input: Path | str, fps: str | float | None) -> Path | str | ImageSeq
     if is_url(input) and fps is None:
         return input
     return ImageSequence.find(input, None if fps is None else parse_rate(fps)) or input
+
+
+def _check_strict(given: Namespace, input: Path | str | ImageSequence) -> None:
+    """Raises InputError for a file that `--strict` refuses before any work."""
+    if "strict" not in given or isinstance(input, ImageSequence) or is_url(input):
+        return
+    with VideoReader(input) as reader:
+        if reader.info.interlaced:
+            raise InputError(f"{input} is interlaced: deinterlace it, or leave --strict out to have that done here")
 
 
 def _surfaces(

@@ -67,6 +67,7 @@ class VideoInfo:
         hdr: how they stand for light, where that is HDR; None for SDR.
         mastering: what it says of its mastering, where it is HDR.
         dynamic: whose metadata for each single frame it has, where it is HDR, as "Dolby Vision's"; None for none.
+        interlaced: whether its first frame is; frames are given out deinterlaced.
         has_audio: whether there is sound beside the picture.
         first_number: that the first picture of an image sequence has in its name; 0 where it has none.
     """
@@ -86,6 +87,7 @@ class VideoInfo:
     hdr: Hdr | None
     mastering: Mastering | None
     dynamic: str | None
+    interlaced: bool
     has_audio: bool
     first_number: int = 0
 
@@ -289,6 +291,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
             hdr=hdr,
             mastering=Mastering.of(frame) if hdr is not None else None,
             dynamic=dynamic_metadata(frame) if hdr is not None else None,
+            interlaced=frame.interlaced_frame,
             has_audio=bool(container.streams.audio),
             first_number=self.source.first_number if isinstance(self.source, ImageSequence) else 0,
         )

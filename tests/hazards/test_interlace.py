@@ -1,5 +1,6 @@
 """Interlaced video: two moments in each frame, of which one is shown."""
 
+import os
 from fractions import Fraction
 from pathlib import Path
 from threading import Event
@@ -97,12 +98,13 @@ def test_the_output_is_progressive(tmp_path: Path) -> None:
     assert not any(frame.interlaced_frame for frame in frames)
 
 
-def test_strict_takes_it_for_a_failure(tmp_path: Path, run: Run, shared_networks: None) -> None:
+def test_strict_refuses_it_before_any_work(tmp_path: Path, run: Run) -> None:
     clip = interlaced(tmp_path / "a.mp4", count=3)
     quad = ["20,90", "80,90", "80,120", "20,120"]
     status, _, errors = run(clip, "--quad", *quad, "--effect", "blur", "-o", tmp_path / "o.mp4", "--strict")
-    assert status == 1
-    assert errors.count("is interlaced") == 1
+    assert status == 2
+    assert errors.count("is interlaced") == len(errors.splitlines()) == 1
+    assert os.listdir(tmp_path) == ["a.mp4"]
 
 
 def test_live(tmp_path: Path) -> None:
