@@ -71,7 +71,7 @@ def plane_track(clip):
 
 
 def corner_pin_node():
-    """A Corner Pin node with keys: connect the insert with it."""
+    """A Corner Pin node with keys; connect the insert with the Scale node before it: it pins what fills the frame."""
     scene = bpy.context.scene
     if hasattr(scene, "compositing_node_group"):  # Blender 5
         if scene.compositing_node_group is None:
@@ -82,6 +82,13 @@ def corner_pin_node():
         tree = scene.node_tree
     node = tree.nodes.new("CompositorNodeCornerPin")
     node.name = node.label = NAME
+    scale = tree.nodes.new("CompositorNodeScale")
+    scale.location = (node.location[0] - 200, node.location[1])
+    if hasattr(scale, "space"):
+        scale.space, scale.frame_method = "RENDER_SIZE", "STRETCH"
+    else:  # Blender 5
+        scale.inputs["Type"].default_value, scale.inputs["Frame Type"].default_value = "Render Size", "Stretch"
+    tree.links.new(scale.outputs["Image"], node.inputs["Image"])
     for corner, name in enumerate(("Lower Left", "Lower Right", "Upper Right", "Upper Left")):
         socket = node.inputs[name]
         for frame, corners in zip(MARKERS, CORNERS):

@@ -7,6 +7,7 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -64,3 +65,55 @@ def test_blender_makes_what_the_track_says(tmp_path: Path, kind: str, lost: str)
     names = ("Upper Left", "Upper Right", "Lower Right", "Lower Left")
     pinned = np.array([found["node"][name] for name in names]) * [320, -240] + [-0.5, 239.5]
     assert np.abs(pinned - track.corners[2]).max() < 0.01
+
+
+RENDER = """
+import runpy, sys
+import bpy
+scene = bpy.context.scene
+scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 320, 240, 100
+scene.view_settings.view_transform = "Raw"
+scene.render.engine, scene.cycles.samples = "CYCLES", 1
+node = runpy.run_path(sys.argv[1], run_name="__main__")["made"]
+tree = node.id_data
+
+
+def picture(name, width, height, level):
+    image = bpy.data.images.new(name, width, height)
+    image.pixels = [level, level, level, 1.0] * (width * height)
+    image.update()
+    made = tree.nodes.new("CompositorNodeImage")
+    made.image = image
+    return made.outputs["Image"]
+
+
+over = tree.nodes.new("CompositorNodeAlphaOver")
+tree.interface.new_socket(name="Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+tree.links.new(picture("insert", 640, 360, 1.0), node.inputs["Image"].links[0].from_node.inputs["Image"])
+tree.links.new(picture("plate", 320, 240, 0.0), over.inputs["Background"])
+tree.links.new(node.outputs["Image"], over.inputs["Foreground"])
+tree.links.new(over.outputs["Image"], tree.nodes.new("NodeGroupOutput").inputs[0])
+scene.frame_set(int(sys.argv[3]))
+scene.render.filepath = sys.argv[2]
+bpy.ops.render.render(write_still=True)
+"""
+
+
+@pytest.mark.bpy
+def test_blender_draws_where_the_track_says(tmp_path: Path) -> None:
+    """Without the clip, by a Corner Pin node: the middle of what it draws, and how much that is."""
+    python = os.environ.get("BPY_PYTHON") or (sys.executable if find_spec("bpy") else None)
+    if python is None:
+        pytest.skip("bpy is not installed: BPY_PYTHON names a Python that has it")
+    track = TRACKS["moving"]()
+    track.source = Source(str(tmp_path / "gone.mp4"), 320, 240, track.source.fps, FRAMES)
+    (tmp_path / "pin.py").write_text(blender.script(keys_of(track, 10)))
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    command = [python, "-c", RENDER, tmp_path / "pin.py", tmp_path / "out.png", "15"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
+    assert done.returncode == 0, done.stderr
+    drawn = cv2.imread(str(tmp_path / "out.png"))[..., 1] / 255.0
+    moments, expected = cv2.moments(drawn), cv2.moments(track.corners[5].astype(np.float32))
+    assert moments["m00"] == pytest.approx(expected["m00"], rel=0.005)
+    for axis in ("m10", "m01"):
+        assert moments[axis] / moments["m00"] == pytest.approx(expected[axis] / expected["m00"], abs=0.2)
