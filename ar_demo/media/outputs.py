@@ -53,4 +53,7 @@ def open_output(
         raise InputError(f"--crf does nothing for {path.suffix}, which has one quality: leave it out")
     if info.frames != 1 and Numbering.parse(path) is None:
         raise InputError(f"{path} is one picture, and the video has several: name a sequence, as {numbered(path)}")
-    return SequenceWriter(output, info.width, info.height, depth=form.depth, alpha=alpha, first=info.first_number)
+    rate = info.rate if info.is_pictures else None
+    return SequenceWriter(
+        output, info.width, info.height, depth=form.depth, alpha=alpha, first=info.first_number, rate=rate
+    )

@@ -69,7 +69,8 @@ class VideoInfo:
         dynamic: whose metadata for each single frame it has, where it is HDR, as "Dolby Vision's"; None for none.
         interlaced: whether its first frame is; frames are given out deinterlaced.
         has_audio: whether there is sound beside the picture.
-        first_number: that the first picture of an image sequence has in its name; 0 where it has none.
+        is_pictures: whether it is an image sequence.
+        first_number: that the first picture of one has in its name; 0 where it has none.
     """
 
     path: Path
@@ -89,6 +90,7 @@ class VideoInfo:
     dynamic: str | None
     interlaced: bool
     has_audio: bool
+    is_pictures: bool = False
     first_number: int = 0
 
 
@@ -293,6 +295,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
             dynamic=dynamic_metadata(frame) if hdr is not None else None,
             interlaced=frame.interlaced_frame,
             has_audio=bool(container.streams.audio),
+            is_pictures=isinstance(self.source, ImageSequence),
             first_number=self.source.first_number if isinstance(self.source, ImageSequence) else 0,
         )
         self._shut(container)

@@ -36,6 +36,7 @@ class SequenceWriter:
         depth: int = 8,
         alpha: bool = False,
         first: int = 0,
+        rate: Fraction | None = None,
     ) -> None:
         """Begins a sequence; what there is of one of this name is replaced.
 
@@ -46,6 +47,8 @@ class SequenceWriter:
             depth: bits per sample, of which PNG and TIFF have 8 or 16; OpenEXR's are half floats.
             alpha: whether frames have transparency.
             first: number of the first picture.
+            rate: frames per second, by which a frame's time, from 0 on, gives its number, so that pictures that cannot
+                be read leave a gap; None numbers them one after the other.
 
         Raises:
             InputError: the ending is that of no picture.
@@ -54,7 +57,8 @@ class SequenceWriter:
         self.path = path.path if isinstance(path, Claim) else Path(path)
         suffix = self.path.suffix.lower()
         self._codec = codecs.picture_codec(self.path)
-        self._size, self._alpha, self._first, self._count = (width, height), alpha, first, 0
+        self._size, self._alpha, self._first, self._rate = (width, height), alpha, first, rate
+        self._numbers: list[int] = []  # of the pictures that are complete
         self._names = Numbering.parse(self.path)
         self._pix_fmt = codecs.pixel_format(self._codec, suffix, width, height, depth, alpha=alpha)
         self._is_float = suffix == ".exr"
@@ -94,7 +98,8 @@ class SequenceWriter:
         Args:
             image: (height, width, 3), or 4 with transparency. uint8 or uint16 as sRGB has it, which OpenEXR gets in
                 linear light; or float32, for OpenEXR alone, as it is.
-            time, duration, planes, drawn: are not used; a video has them.
+            time: seconds.
+            duration, planes, drawn: are not used; a video has them.
 
         Raises:
             InputError: a second frame, where the name has no place for a number.
@@ -102,14 +107,15 @@ class SequenceWriter:
         """
         if image.shape != (self._size[1], self._size[0], 4 if self._alpha else 3):
             raise ValueError(f"frame is {image.shape}, not {self._size[0]}x{self._size[1]}")
-        if self._count and self._names is None:
+        if self._numbers and self._names is None:
             raise InputError(f"{self.path} is one picture: name a sequence, as {numbered(self.path)}")
         frame = self._float_frame(image) if self._is_float else self._to_frame(image)
+        number = self._first + (len(self._numbers) if self._rate is None else round(time * self._rate))
         try:
-            self._part(self._count).write_bytes(self._encoded(frame))
+            self._part(number).write_bytes(self._encoded(frame))
         except (av.FFmpegError, OSError) as error:
             raise self._failed(error) from error
-        self._count += 1
+        self._numbers.append(number)
 
     def discard(self) -> None:
         """Removes what is not finished."""
@@ -132,17 +138,17 @@ class SequenceWriter:
         encoder.options = self._codec.options_for(self._pix_fmt)
         return b"".join(bytes(packet) for packet in [*encoder.encode(frame), *encoder.encode(None)])
 
-    def _part(self, index: int) -> Path:
-        return self._claim.part / f"{index}{self.path.suffix}"
+    def _part(self, number: int) -> Path:
+        return self._claim.part / f"{number}{self.path.suffix}"
 
     def _finish(self) -> None:
-        if not self._count:
+        if not self._numbers:
             raise RunError(f"cannot write {self.path}: there is no frame to write")
         try:
             for number in self._names.numbers() if self._names else []:
                 self._name(number).unlink()  # those of a longer one would seem to belong to this one
-            for index in range(self._count):
-                os.replace(self._part(index), self._name(self._first + index))
+            for number in self._numbers:
+                os.replace(self._part(number), self._name(number))
         except OSError as error:
             raise self._failed(error) from error
 

@@ -1,12 +1,13 @@
 """Pictures in place of a video: a sequence from input to output, and a single one."""
 
+import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from ar_demo import ImageSequence, Surface, replace
+from ar_demo import ImageSequence, OutputOptions, Session, Surface, replace
 from ar_demo.cli import entry
 from ar_demo.errors import InputError
 from ar_demo.pipeline import beside, default_output
@@ -14,6 +15,7 @@ from ar_demo.tracks import Track
 
 from ..conftest import Run
 from ..scenes import Scene, error, path
+from ..test_session import Still
 
 pytestmark = pytest.mark.usefixtures("shared_networks")
 
@@ -96,3 +98,19 @@ def test_names_beside_pictures(shot: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert default_output(Path("a.mov")) == Path("a.ar.mov")
     monkeypatch.chdir(shot)
     assert beside(Path("."), ".track.json") == beside(Path("*.png"), ".track.json") == folder / "shot.track.json"
+
+
+def test_pictures_that_cannot_be_read_leave_a_gap(shot: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "shot"
+    shutil.copytree(shot, folder)
+    (folder / "shot.1001.png").write_bytes(b"no picture")
+    (folder / "shot.1004.png").write_bytes((shot / "shot.1004.png").read_bytes()[:200])
+    with Session(folder, make_tracker=Still) as session:
+        surfaces = session.track([Surface(effect="mosaic", quad=TRUTH[0])])
+        result = session.render(surfaces, tmp_path / "o.####.png", OutputOptions(backend="opencv"))
+    numbers = [1002, 1003, 1005, 1006]
+    assert sorted(tmp_path.glob("o.*")) == [tmp_path / f"o.{number}.png" for number in numbers]
+    assert any("is damaged" in warning for warning in result.warnings)
+    for number in numbers:
+        made, source = (cv2.imread(str(file)) for file in (tmp_path / f"o.{number}.png", shot / f"shot.{number}.png"))
+        assert np.array_equal(made[:40], source[:40])
