@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +11,6 @@ from .color import Colour
 from .mastering import Mastering
 from .planes import plain
 from .reader import VideoInfo
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -57,14 +54,19 @@ def form_of(output: Path, info: VideoInfo, depth: Depth, codec: str | None, tone
     if depth == "auto" and tonemap and info.hdr is not None:
         depth = "8"
     wanted = int(depth) if depth.isdigit() else info.depth
+    warnings: list[str] = []
+    if tonemap and info.hdr is None:
+        warnings.append(f"{info.path.name} is not HDR: --tonemap changes nothing")
     if codecs.is_picture(output):
-        return Form(codecs.choose(output, codec).name, wanted, None, None if info.hdr else info.colour)
+        if info.hdr is not None and not tonemap:
+            warnings.append(f"pictures do not say that they are HDR: {info.path.name} is shown in SDR")
+        colour = None if info.hdr else info.colour
+        return Form(codecs.choose(output, codec).name, wanted, None, colour, None, tuple(warnings))
     size = info.width, info.height
     chosen = codecs.choose(output, codec, depth=wanted)
     if codec is None and wanted > 8 and codecs.most_bits(chosen, wanted, *size) == 8:
         chosen = codecs.choose(output, None)
     bits = wanted
-    warnings: list[str] = []
     if depth == "auto" and wanted > 8:
         bits = codecs.most_bits(chosen, wanted, *size)
         if bits < wanted:
@@ -73,7 +75,8 @@ def form_of(output: Path, info: VideoInfo, depth: Depth, codec: str | None, tone
     pixel_format = info.pixel_format if keeps_chroma else None
     mastering = info.mastering
     if info.hdr is not None and (tonemap or bits == 8):
-        log.info("%s is HDR: it is shown in SDR, by BT.2390's curve", info.path.name)
+        if not tonemap and depth != "8":
+            warnings.append(f"8 bits do not hold HDR: {info.path.name} is shown in SDR")
         return Form(chosen.name, bits, pixel_format, None, None, tuple(warnings))
     if info.dynamic is not None:
         warnings.append(f"{info.dynamic} dynamic metadata cannot be kept: {info.path.name} becomes plain HDR")

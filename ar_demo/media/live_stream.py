@@ -65,6 +65,9 @@ class Stream(AbstractContextManager["Stream"]):
             self._frames = deinterlaced(chain([first], self._frames))
             first = next(self._frames)
         self._first = first
+        self._hdr = color.hdr_of(first)
+        if self._hdr is not None:
+            log.info("%s is HDR: it is shown in SDR", source)
         self._rotation = color.rotation_of(first)
         self._size = first.width, first.height
         sideways = self._rotation in (90, 270)
@@ -86,7 +89,7 @@ class Stream(AbstractContextManager["Stream"]):
 
         What goes wrong in the thread that decodes is raised here.
         """
-        to_rgb = color.ToRGB(tonemap=color.hdr_of(self._first))
+        to_rgb = color.ToRGB(tonemap=self._hdr)
         self._thread.start()
         while not stop.is_set():
             with self._ready:

@@ -20,6 +20,8 @@ from ar_demo.media.reader import VideoReader
 from ar_demo.media.writer import VideoWriter
 from hdn.imaging.arrays import Array
 
+from ..clips import make_clip
+from ..conftest import Run
 from ..scenes import texture
 from ..test_session import Still
 from ..videos import floats_of
@@ -184,7 +186,9 @@ def test_dolby_visions_metadata_are_left_out_with_a_word(tmp_path: Path, white: 
 
 def test_too_few_bits_for_hdr(tmp_path: Path, white: Path) -> None:
     source = clip(tmp_path / "in.mp4", "pq")
-    rendered(source, white, tmp_path / "o.webm", codec="vp9")
+    few, shown = rendered(source, white, tmp_path / "o.webm", codec="vp9")
+    assert "VP9 does not hold 10 bits" in few
+    assert "in.mp4 is shown in SDR" in shown
     [after, *_] = frames(tmp_path / "o.webm")
     assert color.Colour.of(after).tags == (1, 1, 1, 1)
     with pytest.raises(InputError, match="use av1"):
@@ -245,3 +249,17 @@ def test_a_layer_of_eight_bits_is_no_hdr(tmp_path: Path, white: Path) -> None:
             session.render(surfaces, options=OutputOptions(backend="opencv"), layer=tmp_path / "l.webm")
         options = OutputOptions(backend="opencv", tonemap=True)
         assert session.render(surfaces, options=options, layer=tmp_path / "l.webm").warnings == []
+
+
+def test_tonemap_says_where_it_changes_nothing(tmp_path: Path, white: Path) -> None:
+    source = make_clip(tmp_path / "in.mp4", [texture(3, *SIZE)] * 2)
+    [warning] = rendered(source, white, tmp_path / "o.mp4", tonemap=True)
+    assert "in.mp4 is not HDR" in warning
+
+
+def test_the_command_line_says_once_that_it_is_shown_in_sdr(tmp_path: Path, white: Path, run: Run) -> None:
+    source = clip(tmp_path / "in.mp4", "pq")
+    corners = [f"{x:g},{y:g}" for x, y in QUAD]
+    said = run(source, white, "--quad", *corners, "--end", 1, "-o", tmp_path / "o.webm", "--codec", "vp9", "--flat")
+    assert said[0] == 0
+    assert said[2].count("is shown in SDR") == 1
