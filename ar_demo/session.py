@@ -124,7 +124,9 @@ class Session(AbstractContextManager["Session"]):
                 }
             )
         frames = len(times) if self.reader.seekable else info.frames
-        warnings = list(self.reader.warnings)
+        tracks = [surface.track for surface in surfaces if surface.track is not None]
+        of_video = self.reader.warnings
+        warnings = list(dict.fromkeys([*tracks_warnings(tracks, of_video), *of_video]))
         size = info.width, info.height
         return Plan(self.reader.path, size, float(info.rate), frames, told, list(outputs), warnings)
 

@@ -59,8 +59,9 @@ def plane_track(clip):
         plane.name = NAME
         for frame, corners in zip(MARKERS, CORNERS):
             plane.markers.insert_frame(frame).corners = corners
+        keyed = set(MARKERS)
         for marker in plane.markers:
-            marker.mute = marker.frame not in MARKERS  # there is one at the frame that the editor shows
+            marker.mute = marker.frame not in keyed  # there is one at the frame that the editor shows
         for frame in LOST:
             for track in (plane, *tracks):
                 track.markers.insert_frame(frame).mute = True

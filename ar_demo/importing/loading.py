@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..media.reader import VideoReader
 from ..media.sequences import ImageSequence
 from ..tracks import Source, Track
+from ..words import counted
 from . import after_effects, csv_table, nuke
 from .curves import Corners
 
@@ -85,7 +86,9 @@ def _of_video(path: Path, corners: Corners, reader: VideoReader, first_frame: in
     deviation = np.where(measured > 0, DEVIATION, np.inf)
     warnings = _warnings(path, corners, first_frame, count, reader)
     if crossing:
-        warnings.append(f"{path.name} has corners that cross or lie on a line at {len(crossing)} frames: lost there")
+        warnings.append(
+            f"{path.name} has corners that cross or lie on a line at {counted(len(crossing), 'frame')}: lost there"
+        )
     return Track(source, start, placed[start], times, placed, states, measured, deviation, warnings)
 
 
@@ -110,9 +113,10 @@ def _warnings(path: Path, corners: Corners, first_frame: int, count: int, reader
     inside = range(first_frame, first_frame + count)
     warnings = list(reader.warnings)
     if beyond := [frame for frame in corners.points if frame not in inside]:
-        warnings.append(
-            f"{path.name} has corners at {len(beyond)} frames that {reader.path.name} does not have: they are left out"
-        )
+        many = counted(len(beyond), "frame")
+        warnings.append(f"{path.name} has corners at {many} that {reader.path.name} does not have: they are left out")
     if between := [frame for frame in corners.between if frame in inside]:
-        warnings.append(f"{path.name} has no key at {len(between)} frames: corners there are on a line between keys")
+        warnings.append(
+            f"{path.name} has no key at {counted(len(between), 'frame')}: corners there are on a line between keys"
+        )
     return warnings

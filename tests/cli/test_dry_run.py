@@ -93,4 +93,11 @@ def test_a_track_that_is_there(run: Run, folder: Path) -> None:
     (folder / "t.csv").write_text("frame,x1,y1,x2,y2,x3,y3,x4,y4\n" + rows)
     code, out, err = run("in.mp4", "--effect", "blur", "--track", "t.csv", "--time", "..2", "--dry-run")
     assert code == 0, err
+    assert "warning: " not in err
     assert "  surface 1, no ad: has its track: 3 tracked, 0 held, 0 lost" in out.splitlines()
+    (folder / "t.csv").write_text(
+        "frame,x1,y1,x2,y2,x3,y3,x4,y4\n" + rows + rows.splitlines()[0].replace("0,", "99,", 1)
+    )
+    code, _, err = run("in.mp4", "--effect", "blur", "--track", "t.csv", "--dry-run", "--strict")
+    assert code == 1
+    assert "corners at 1 frame that in.mp4 does not have" in err
