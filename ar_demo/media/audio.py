@@ -29,6 +29,8 @@ _BLOCK_SECONDS = 1  # of samples produced at once, at most
 _GAP_SECONDS = Fraction(1, 50)  # timestamps may be off by so much before silence is put in or samples are dropped
 _CHANNEL_BIT_RATE = 96_000  # bits per second
 _USUAL_LAYOUTS = ("mono", "stereo", "3.0", "quad", "5.0", "5.1", "6.1", "7.1")  # by the number of channels
+_MIXED_UP = {"libopus": {"5.0": "5.1", "6.1": "7.1"}}  # whose channels an encoder mixes up, and what takes them
+_INTERLEAVED = "flt"  # PyAV reads beyond the planes of eight channels
 _SAME_LAYOUTS = {"5.0(side)": "5.0", "5.1(side)": "5.1"}  # which players know by the other's name
 
 
@@ -52,7 +54,8 @@ def form_for(muxer: str, stream: AudioStream) -> Form:
     layout = _SAME_LAYOUTS.get(stream.layout.name, stream.layout.name)
     count = stream.layout.nb_channels
     usual = _USUAL_LAYOUTS[count - 1] if 0 < count <= len(_USUAL_LAYOUTS) else "stereo"
-    for name in (layout, usual):
+    mixed_up = _MIXED_UP.get(codec, {})
+    for name in (mixed_up.get(layout, layout), mixed_up.get(usual, usual)):
         context: Any = av.CodecContext.create(codec, "w")
         try:
             _set_up(context, codec, rate, name)
@@ -96,9 +99,8 @@ class Encode:
             track.close()
 
     def _frame(self, samples: Samples) -> av.AudioFrame:
-        form = self.target.codec_context.format.name
-        data = samples if form == "fltp" else samples.T.reshape(1, -1)  # "flt", interleaved
-        frame = av.AudioFrame.from_ndarray(np.ascontiguousarray(data), form, self._form.layout)
+        interleaved = np.ascontiguousarray(samples.T).reshape(1, -1)
+        frame = av.AudioFrame.from_ndarray(interleaved, _INTERLEAVED, self._form.layout)
         frame.sample_rate = self._form.rate
         frame.pts = self._written
         frame.time_base = Fraction(1, self._form.rate)
@@ -206,20 +208,28 @@ def _resampled(
     container: InputContainer, stream: AudioStream, form: Form, warn: Warn
 ) -> Iterator[tuple[Fraction | None, Samples]]:
     """(time in seconds, samples) of each decoded piece of sound; a damaged piece is left out."""
-    resampler, before = AudioResampler("fltp", form.layout, form.rate), None
+    resampler: AudioResampler | None = None
+    before = None
     frames = _decoded(container, stream, warn)
     for frame in itertools.chain(frames, [None]):
         now = (frame.format.name, frame.layout.name, frame.sample_rate) if frame else None
         ready = []
-        if now != before and before is not None:  # the sound's form changes on the way, or ends
+        if now != before and resampler is not None:  # the sound's form changes on the way, or ends
             ready += resampler.resample(None)
-            resampler = AudioResampler("fltp", form.layout, form.rate)
+            resampler = None
         before = now
         if frame is not None:
+            resampler = resampler or AudioResampler(_INTERLEAVED, _layout_for(frame, form), form.rate)
             ready += resampler.resample(frame)
         for piece in ready:
             time = None if piece.pts is None else piece.pts * cast(Fraction, piece.time_base)
-            yield time, cast(Samples, piece.to_ndarray())
+            yield time, cast(Samples, piece.to_ndarray().reshape(-1, form.channels).T)
+
+
+def _layout_for(frame: av.AudioFrame, form: Form) -> str:
+    """The layout to resample to: channels of which nobody says what they are are not mixed with each other."""
+    same = frame.layout.nb_channels == form.channels and frame.layout.name.endswith(" channels")
+    return frame.layout.name if same else form.layout
 
 
 def _decoded(container: InputContainer, stream: AudioStream, warn: Warn) -> Iterator[av.AudioFrame]:

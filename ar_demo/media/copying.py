@@ -154,8 +154,8 @@ class Still:
         pass
 
 
-def attached_picture(path: Path, index: int) -> Packet[Any] | None:
-    """The picture of a stream that is attached to a file; None where it has none."""
+def first_packet(path: Path, index: int) -> Packet[Any] | None:
+    """The first packet of a stream, as of a picture that is attached; None where it has none."""
     container, stream = open_alone(path, index)
     with container:
         return next((packet for packet in container.demux(cast(Any, stream)) if packet.size), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -97,6 +98,11 @@ def _meant(tags: Mapping[str, str], location: bool) -> dict[str, str]:
         and not key.lower().startswith("_statistics")
         and (location or not _is_location(key))
     }
+
+
+def tells_place(text: bytes) -> bool:
+    """Whether a line of subtitles gives coordinates, as those that drones write."""
+    return re.search(rb"latitude|longitude|\bgps\b", text, re.IGNORECASE) is not None
 
 
 def _is_location(key: str) -> bool:

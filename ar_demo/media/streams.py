@@ -19,9 +19,9 @@ from av.video.stream import VideoStream
 from ..choices import AudioMode, KeptStreams, Playback
 from .audio import Encode, Form, Samples, ad_samples, first_heard, first_samples, form_for, samples, silence
 from .carried import COPIED_SOUND, COPIED_SUBTITLES, ENCODED_SUBTITLES, TEXT_SUBTITLES, codec_name, takes
-from .copying import Copy, Feed, Still, Subtitles, attached_picture
+from .copying import Copy, Feed, Still, Subtitles, first_packet
 from .decode import stream_duration
-from .metadata import carry_chapters, carry_stream_tags, carry_tags
+from .metadata import carry_chapters, carry_stream_tags, carry_tags, tells_place
 
 log = logging.getLogger(__name__)
 
@@ -144,7 +144,7 @@ class Streams:
         """Adds what goes along of one stream; what it is called, where it should and cannot."""
         if stream.type == "audio":
             return self._attach_sound(output, cast(AudioStream, stream))
-        if self._keep != "all" or stream is main:
+        if self._keep != "all" or stream is main or (not self._location and self._tells_place(stream)):
             return None
         if stream.type == "subtitle" and stream.codec_context is not None:
             return self._attach_subtitles(output, stream)
@@ -163,6 +163,13 @@ class Streams:
             self._copy(output, stream)
             return None
         return _called(stream)
+
+    def _tells_place(self, stream: Stream) -> bool:
+        """Whether a stream says where the source was taken, as cameras' telemetry and drones' subtitles do."""
+        if stream.type == "data":
+            return _GOPRO in _handler(stream)
+        packet = first_packet(self._source, stream.index) if stream.type == "subtitle" else None
+        return packet is not None and tells_place(bytes(packet))
 
     def _attach_sound(self, output: OutputContainer, stream: AudioStream) -> str | None:
         if self._heard is None or (self._keep == "first" and stream.index != self._heard):
@@ -232,7 +239,7 @@ class Streams:
     def _attach_picture(self, output: OutputContainer, stream: Stream) -> str | None:
         """A cover: MP4 has it as a stream, Matroska as a file."""
         muxer, kind = output.format.name, _PICTURES.get(codec_name(stream))
-        picture = attached_picture(self._source, stream.index)
+        picture = first_packet(self._source, stream.index)
         if picture is None or kind is None or muxer not in ("mp4", "matroska"):
             return _called(stream)
         if muxer == "mp4":

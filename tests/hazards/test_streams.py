@@ -195,6 +195,20 @@ def test_telemetry_goes_along_where_it_can_and_is_named_where_not(tmp_path: Path
     assert ("GoPro MET" in " ".join(streams.warnings)) == (suffix == "mkv")
     if suffix != "mkv":
         assert data_packets(output) == data_packets(source)
+    streams = Streams("source", source, location=False)  # which telemetry tells
+    with av.open(str(rewrite(source, tmp_path / f"nowhere.{suffix}", streams))) as container:
+        assert len(container.streams.data) == len(streams.warnings) == 0
+
+
+def test_a_drones_subtitles_are_left_out_with_the_location(tmp_path: Path) -> None:
+    picture, text = clip(tmp_path / "picture.mp4", 1), tmp_path / "s.srt"
+    text.write_text("1\n00:00:00,000 --> 00:00:00,900\n[iso: 100] [latitude: 48.2] [longitude: 16.3]\n")
+    source = tmp_path / "in.mkv"
+    run_ffmpeg("-i", str(picture), "-i", str(text), "-c", "copy", str(source))
+    for location in (True, False):
+        output = rewrite(source, tmp_path / f"{location}.mkv", Streams("source", source, location=location))
+        with av.open(str(output)) as container:
+            assert len(container.streams.subtitles) == location
 
 
 def data_packets(path: Path) -> list[tuple[Fraction, bytes]]:
