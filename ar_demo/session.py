@@ -84,7 +84,7 @@ class Session(AbstractContextManager["Session"]):
     def track(self, surfaces: Sequence[Surface], options: TrackingOptions | None = None) -> list[Surface]:
         """The surfaces with their tracks, as smooth as the options say.
 
-        Those without one are tracked, all in one pass over the video; a track that does not pass through all of its
+        Those without one are tracked, all in one pass over the video; a track that was not made with all of its
         keyframes is tracked anew next to these, and stays as it is elsewhere.
 
         Raises:

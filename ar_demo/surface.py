@@ -135,7 +135,7 @@ def _points(points: Any) -> Array | None:
 
 @dataclass(frozen=True)
 class Keyframe:
-    """Corners given by hand: the track passes through them.
+    """Corners given by hand, about as well as a hand can: what was measured more surely counts more.
 
     Attributes:
         at: the frame, another one than the reference frame.
@@ -173,7 +173,7 @@ class Surface:
             is seen, or smaller. None leaves that to the tracker.
         exclude: polygons (n, 2) of the reference frame, px, that tracking ignores: what moves or shines.
         keyframes: corners in other frames, where tracking went wrong.
-        track: made earlier; it is tracked anew only around keyframes that it does not pass through.
+        track: made earlier; it is tracked anew only around keyframes that it was not made with.
         fit: how the ad's shape is brought to the surface's.
         playback: what a moving ad does when it is over: start again, hold its last frame, or go.
         blend: how the ad's colours mix with those of the surface (W3C Compositing and Blending Level 1); in all modes

@@ -21,6 +21,7 @@ from .media.claims import Claim, write_whole
 from .words import counted
 
 VERSION = 1
+PASSED_PX = 1e-3  # within which a track passes through a point
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Track:
         confidence: (N,) 0..1.
         deviation: (N,) px, standard deviation of the corners; infinite where they are not measured.
         warnings: what is wrong with the video, and which frames had better be checked, one sentence each.
-        keyframes: corners (4, 2) given by hand, by the frame's index; the track passes through them.
+        keyframes: corners (4, 2) given by hand, by the frame's index; used: those that the track was made with.
         cuts: indices of frames that begin another shot than the one before them.
         region: where in the reference frame tracking may look.
         span: first and last frame that are of interest; None for all. Outside it nothing is tracked and drawn.
@@ -73,6 +74,7 @@ class Track:
     deviation: Array
     warnings: list[str] = field(default_factory=list)
     keyframes: dict[int, Array] = field(default_factory=dict)
+    used: dict[int, Array] = field(default_factory=dict)
     cuts: list[int] = field(default_factory=list)
     region: Region = EVERYWHERE
     span: tuple[int, int] | None = None
@@ -186,7 +188,7 @@ class Track:
             },
             "reference_frame": self.reference_frame,
             "quad": self.quad.tolist(),
-            "keyframes": [{"frame": i, "corners": self.keyframes[i].tolist()} for i in sorted(self.keyframes)],
+            "keyframes": [self._keyframe(i) for i in sorted(self.keyframes)],
             "cuts": self.cuts,
             "region": None if self.region.include is None else self.region.include.tolist(),
             "span": self.span,
@@ -195,6 +197,10 @@ class Track:
             "frames": frames,
         }
         return json.dumps(content)
+
+    def _keyframe(self, index: int) -> dict[str, Any]:
+        used = {"used": self.used[index].tolist()} if index in self.used else {}
+        return {"frame": index, "corners": self.keyframes[index].tolist(), **used}
 
     @classmethod
     def load(cls, path: Path | str) -> "Track":
@@ -235,7 +241,9 @@ def _parse(content: dict[str, Any]) -> Track:
     corners = np.array([nothing if f["corners"] is None else f["corners"] for f in frames], np.float64)
     quad = np.array(content["quad"], np.float64)
     keyframes = {int(k["frame"]): np.array(k["corners"], np.float64) for k in content.get("keyframes", [])}
-    if {quad.shape, *(k.shape for k in keyframes.values())} != {(4, 2)} or corners.shape != (len(frames), 4, 2):
+    used = {int(k["frame"]): np.array(k["used"], np.float64) for k in content.get("keyframes", []) if "used" in k}
+    quads = [quad, *keyframes.values(), *used.values()]
+    if {q.shape for q in quads} != {(4, 2)} or corners.shape != (len(frames), 4, 2):
         raise ValueError("a quad without exactly four corners")
     if beyond := [k for k in keyframes if not 0 <= k < len(frames)]:
         raise ValueError(f"keyframe at frame {beyond[0]}, of {counted(len(frames), 'frame')}")
@@ -258,6 +266,8 @@ def _parse(content: dict[str, Any]) -> Track:
         np.array([_deviation(f) for f in frames], np.float64),
         [str(w) for w in content.get("warnings", [])],
         keyframes,
+        # Tracks of older versions pass through the keyframes that they were made with.
+        {i: c for i, c in keyframes.items() if np.abs(corners[i] - c).max() < PASSED_PX} | used,
         cuts=[int(c) for c in content.get("cuts", [])],
         region=_region(content),
         span=_span(content, len(frames)),

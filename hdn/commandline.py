@@ -93,7 +93,7 @@ def run(command: Command, arguments: Sequence[str] | None, interrupted: str) -> 
         interrupted: what Ctrl-C, SIGTERM and SIGHUP leave behind.
     """
     make_harmless()
-    with heard(ending()):
+    with ending():
         status = _status(command, arguments, interrupted)
     if (error := lost()) is not None:
         print(f"error: standard output cannot be written to: {(error.strerror or str(error)).lower()}", file=sys.stderr)

@@ -2,14 +2,16 @@
 
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import current_thread, main_thread
+from threading import Timer, current_thread, main_thread
 from types import FrameType
 from typing import Any
 
 AT_ONCE_SECONDS = 1.0  # in which further signals mean the one that is being heeded
+AGAIN_SECONDS = 0.01  # after which one that was lost comes again
 
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP")  # of which Windows has two
 
@@ -55,9 +57,14 @@ def heard(act: Callable[[int], object]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def ending() -> Callable[[int], None]:
-    """What raises `Ended`: but not again at once, so that an impatient second Ctrl-C does not end the cleaning up."""
-    last = -AT_ONCE_SECONDS
+@contextmanager
+def ending() -> Iterator[None]:
+    """Raises `Ended` where a signal asks to end, wherever the main thread is then.
+
+    Not again at once, so that an impatient second Ctrl-C does not end the cleaning up. Where Python cannot let an
+    exception through, as in a finaliser, the signal comes again.
+    """
+    last, usual = -AT_ONCE_SECONDS, sys.unraisablehook
 
     def end(number: int) -> None:
         nonlocal last
@@ -66,7 +73,20 @@ def ending() -> Callable[[int], None]:
             last = now
             raise Ended(number)
 
-    return end
+    def again(unraisable: "sys.UnraisableHookArgs") -> None:
+        nonlocal last
+        if not isinstance(unraisable.exc_value, Ended):
+            usual(unraisable)
+            return
+        last = -AT_ONCE_SECONDS
+        Timer(AGAIN_SECONDS, os.kill, (os.getpid(), unraisable.exc_value.number)).start()
+
+    with heard(end):
+        sys.unraisablehook = again
+        try:
+            yield
+        finally:
+            sys.unraisablehook = usual
 
 
 def leaving(message: str) -> Callable[[int], Any]:

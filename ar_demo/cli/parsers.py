@@ -13,7 +13,9 @@ from ..choices import CHOICES
 CORNER = r"\s*[^\s,]+,[^\s,.]+(\.\d*)?\s*"  # x,y and not a file's name with a comma in it
 CORNERS = re.compile(f"({CORNER})+")
 FIRST_FRAME = "number of the video's first frame in other programs (default: 1 in Nuke and Blender, else 0)"
-STATUSES = "Exit status: 0 done, 1 failed while working, 2 wrong input."
+STATUSES = (
+    "Exit status: 0 done, 1 failed while working, 2 wrong input; 130, 143 and 129 ended by Ctrl-C, SIGTERM and SIGHUP."
+)
 
 
 class _Parser(Parser):
@@ -66,7 +68,7 @@ def replace_parser() -> Parser:
         nargs=2,
         action="append",
         metavar=("AD", "X,Y X,Y X,Y X,Y"),
-        help="an ad (- where the effect needs none) and its corners; once for each surface, later ones on top",
+        help="an ad, or - for --effect, and its corners; once for each surface, later ones on top",
     )
     add("--job", type=Path, metavar="JSON", help="a job file: surfaces with options of their own, see the README")
     _add_progress(parser)
@@ -204,7 +206,7 @@ def _add_tracking(parser: Parser, use_of_track: str) -> None:
         "--keyframe",
         action="append",
         metavar="WHEN:X,Y,X,Y,X,Y,X,Y",
-        help="corners in another frame, which the track passes through; may be repeated",
+        help="corners in another frame, as exact as a hand sets them; may be repeated",
     )
     add("--end", metavar="WHEN", help="last frame; later ones are left out")
     add("--time", metavar="A..B", help="track, and draw on, this part only, as 10s..20s or 250..; the rest is copied")

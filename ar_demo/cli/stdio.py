@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import BinaryIO
 
-from hdn.signals import ending, heard
+from hdn.signals import Ended, heard
 
 from ..errors import InputError
 
@@ -24,12 +24,11 @@ def standard_output() -> BinaryIO:
 def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
     """Calls `stop` on Ctrl-C and on a request to terminate; the second time they end the work at once."""
     asked = False
-    end = ending()
 
     def ask(number: int) -> None:
         nonlocal asked
         if asked:
-            end(number)
+            raise Ended(number)
         asked = True
         stop()
 

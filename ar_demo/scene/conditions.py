@@ -35,6 +35,11 @@ class ComparisonModel:
     saturated_grey: float = 250.0  # from which a pixel does not tell how bright it is
     unknown_deviation_px: float = 8.0  # of the corners where it is not known, and the most that is allowed for
     light_blur_px: float = 2.0  # of the crop: light is told by what is larger, since blur takes contrast from the rest
+    # Misalignment, as of a pose that is a little wrong: px of the crop, from which it counts; as a share of the crop's
+    # longer side, at most; and the share of what the agreement lacks to 1 that is left without it, at most.
+    min_shift_px: float = 1.0
+    max_shift_ratio: float = 0.1
+    left_by_shift: float = 0.7
 
 
 @dataclass(frozen=True)
@@ -101,6 +106,8 @@ class Appearance:
         self._quad, self._exposure = quad, relighting.exposure(reference)
         self._reference = _Box(reference, quad)
         self._template, _ = self._rectify(self._reference, quad)
+        self._small_template = self._halved(grey(self._template))
+        self._towards_edge = cv2.createHanningWindow(self._small_template.shape[::-1], cv2.CV_32F)
         self._matte, self._square_template = matte, _square(self._template)
         self._degrees = shutter
         self._grain = GrainMeter() if grain else None
@@ -149,6 +156,7 @@ class Appearance:
             return self.last()
         if self._lost:
             self._light, self._lost = None, False
+        pose, view, inside = self._aligned(part, pose, view, inside)
         crop_to_frame = from_corners(self._outline, pose)
         scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
         slack = min(deviation, MODEL.unknown_deviation_px) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
@@ -184,6 +192,28 @@ class Appearance:
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         inside = cv2.warpPerspective(whole, crop_to_part, (self._width, self._height), flags=flags)
         return view, (inside > 250).astype(np.float32)
+
+    def _aligned(self, part: "_Box", pose: Array, view: Floats, inside: Grey) -> tuple[Array, Floats, Grey]:
+        """The pose by which the surface is compared, with its view and what is inside: misalignment is no blur.
+
+        It is the pose that is given, but where the view is clearly the template, shifted (Kuglin and Hines, 1975).
+        """
+        found, _ = cv2.phaseCorrelate(self._small_template, self._halved(grey(view)), self._towards_edge)
+        shift = 2 * np.array(found)
+        if not MODEL.min_shift_px < np.hypot(*shift) < MODEL.max_shift_ratio * max(self._width, self._height):
+            return pose, view, inside
+        better = transform(from_corners(self._outline, pose), self._outline + shift)
+        there, inside_there = self._rectify(part, better)
+        lacking = [1 - self._agreement(x, y) for x, y in ((view, inside), (there, inside_there))]
+        if lacking[1] > MODEL.left_by_shift * lacking[0]:
+            return pose, view, inside
+        return better, there, inside_there
+
+    def _agreement(self, view: Floats, inside: Grey) -> float:
+        """How well a view agrees with the template, median over the cells that can tell; -1 where none can."""
+        correlation, textured = relighting.shows(grey(view), grey(self._template))
+        telling = textured & (cell_means(inside) > BLUR.min_cell_in_frame)
+        return float(np.median(correlation[telling])) if telling.any() else -1.0
 
     def _seen(self, view: Floats, inside: Grey) -> Floats:
         """How probably each pixel (h, w) of the crop shows the surface, 0..1; 0 outside the frame."""

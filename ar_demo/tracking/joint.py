@@ -9,7 +9,8 @@ The unknowns are the corners x_k (8,) of each frame k: x0, y0, x1, y1, ..., px. 
 - *steps*: x_k+1 = H_k(x_k), the motion measured from frame to frame; as sure as they prove where a tracker is.
 - *motion*: the second difference of the corners, mode by mode, is as small as the clip shows (see `motion.py`), but for
   frames in which the measurements show more.
-- *given*: corners set by hand.
+- *reference*: the quad, which says what the surface is and so is exact; *clicked*: corners in other frames, as well as
+  a hand can set them. Where they are further from all else than a hand errs, the rest is wrong.
 
 Absolute terms and steps may be wrong: each has the robust cost of Geman and McClure, and graduated non-convexity (Black
 and Rangarajan, 1996; Yang et al., 2020) finds which are, by reweighted least squares. Several ways through a frame
@@ -17,6 +18,7 @@ share its picture and so their errors: together they weigh as much as one, in th
 all else.
 """
 
+from collections.abc import Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,7 +43,11 @@ class JointModel:
     # what they are measured from is set by hand and no surer, and less is hardly seen.
     agreement_px: float = 0.5
     told_px: float = 1.5
-    given_px: float = 0.01  # standard deviation of corners set by hand
+    reference_px: float = 0.01  # standard deviation of the quad's coordinates, next to nothing
+    clicked_px: float = 2.0  # standard deviation of a corner set by hand, of both its coordinates together
+    # Distance of clicked corners from what was measured, root of the mean square, up to which the hand erred. Of errors
+    # of 2 px and of a tracker's of some 30, which are rarer, the latter are likelier from 5 px on.
+    slip_px: float = 5.0
     bridging: float = 1e-4  # factor on the motion's term in gaps, where it is to bridge them and no more
     least_px: float = 0.03  # standard deviation that each measured coordinate has at least: no tracker is surer
     # Squared Mahalanobis distance of eight numbers at which a term has lost three quarters of its weight: 99.9 % of
@@ -72,7 +78,7 @@ class Measurements:
         linked: (p, n - 1) whether a way has frames k and k + 1 from one run of a tracker.
         steps: (n - 1, 3, 3) pixels of frame k to those of frame k + 1. step_covariance: (n - 1, 8, 8) px^2, of the
             corners moved by them.
-        given: corners (8,) set by hand, by frame.
+        reference: corners (8,) that are known, by frame. clicked: corners (8,) set by hand, by frame.
     """
 
     corners: Array
@@ -80,7 +86,8 @@ class Measurements:
     linked: NDArray[np.bool_]
     steps: Array
     step_covariance: Array
-    given: dict[int, Array]
+    reference: dict[int, Array]
+    clicked: dict[int, Array]
 
 
 @dataclass(frozen=True)
@@ -109,6 +116,12 @@ class _System:
         found = solve_wide(self.own, self.after, self.second, self.right[..., None])
         return found.mean[..., 0], found.covariance
 
+    def response(self, frame: int, information: float) -> Array:
+        """(n,) how far the corners move with those of a frame that are held by so much information, 1 for as far."""
+        right = np.zeros_like(self.right)
+        right[frame] = information
+        return np.asarray(solve_wide(self.own, self.after, self.second, right[..., None]).mean[..., 0].mean(1))
+
 
 class Shot:
     """The joint solution of one shot.
@@ -128,24 +141,35 @@ class Shot:
         strength: of the motion's term, a factor on how sure it is; 0 leaves it to frames without a good measurement.
             What is told of the corners' certainty does not depend on it.
         """
-        x, usual = self._start(), np.ones(self.n - 2)
-        x = x + self._assemble(x, self._weights(self._distances(x), np.inf), usual).solve()[0]
-        squares = self._distances(x)
-        hottest = max(float(squares[i].max(initial=0)) / limit for i, limit in zip((0, 2), self._limits, strict=True))
-        rounds = int(np.ceil(np.log(max(hottest, 1)) / np.log(self.model.cooling)))
-        for heat in [*self.model.cooling ** np.arange(rounds, 0, -1), *[1.0] * self.model.last_rounds]:
-            weights = self._weights(squares, heat)
-            x = x + self._assemble(x, weights, usual).solve()[0]
-            squares = self._distances(x)
-        weights = self._weights(squares, 1.0)
-        change, covariance = self._assemble(x, weights, usual).solve()
+        x, usual = self._settled(), np.ones(self.n - 2)
+        firm = {k for k, c in self.measured.clicked.items() if np.square(x[k] - c).sum() / 4 > self.model.slip_px**2}
+        if firm:
+            x = self._settled(firm)
+        weights = self._weights(self._distances(x), 1.0)
+        system = self._assemble(x, weights, usual, firm)
+        change, covariance = system.solve()
+        for k in firm:  # which err like all that is clicked, and with them what hangs on them
+            share = system.response(k, 1 / self.model.reference_px**2)
+            covariance += np.square(share)[:, None, None] * self.model.clicked_px**2 / 2 * np.eye(CORNERS)
         found = Solution(x + change, covariance, self._told(x + change))
         if strength == 1 or self.n < 3:
             return found
         seen = _any(found.weight > self.model.wrong_weight)
         around = seen[:-2] & seen[1:-1] & seen[2:]
         smoothing = np.where(around, strength**2, max(strength**2, self.model.bridging))
-        return replace(found, corners=x + self._assemble(x, weights, smoothing).solve()[0])
+        return replace(found, corners=x + self._assemble(x, weights, smoothing, firm).solve()[0])
+
+    def _settled(self, firm: Set[int] = frozenset()) -> Array:
+        """The corners (n, 8) by all that proves right; firm: frames whose clicked corners are taken for exact."""
+        x, usual = self._start(), np.ones(self.n - 2)
+        x = x + self._assemble(x, self._weights(self._distances(x), np.inf), usual, firm).solve()[0]
+        squares = self._distances(x)
+        hottest = max(float(squares[i].max(initial=0)) / limit for i, limit in zip((0, 2), self._limits, strict=True))
+        rounds = int(np.ceil(np.log(max(hottest, 1)) / np.log(self.model.cooling)))
+        for heat in [*self.model.cooling ** np.arange(rounds, 0, -1), *[1.0] * self.model.last_rounds]:
+            x = x + self._assemble(x, self._weights(squares, heat), usual, firm).solve()[0]
+            squares = self._distances(x)
+        return x
 
     def _told(self, x: Array) -> Array:
         """(p, n) how well each measurement agrees with corners (n, 8)."""
@@ -253,7 +277,7 @@ class Shot:
         certainty = np.where(self.seen, certainty, 0.0)
         x = np.einsum("pn,pnc->nc", certainty, self.z) / np.maximum(certainty.sum(0), 1e-30)[:, None]
         known = certainty.sum(0) > 0
-        for k, corners in self.measured.given.items():
+        for k, corners in (self.measured.clicked | self.measured.reference).items():
             x[k], known[k] = corners, True
         frames = np.arange(self.n)
         return np.stack([np.interp(frames, frames[known], x[known, c]) for c in range(CORNERS)], 1)
@@ -280,18 +304,22 @@ class Shot:
         share = _proportions(squares[0], self.agreement, heat)
         return absolute * share, _proportions(squares[1], self.change_information, heat), steps
 
-    def _assemble(self, x: Array, weights: tuple[Array, Array, Array], smoothing: Array) -> _System:
-        """The normal equations; all terms are linearised about the corners x (n, 8)."""
+    def _assemble(
+        self, x: Array, weights: tuple[Array, Array, Array], smoothing: Array, firm: Set[int] = frozenset()
+    ) -> _System:
+        """The normal equations; all terms are linearised about the corners x (n, 8). See `_settled` for firm."""
         system, n = _System(self.n), self.n
         absolute, relative, steps = weights
 
         held = (absolute * self.share)[..., None, None] * self.information
         system.own += held.sum(0) + np.eye(CORNERS) / self.model.unknown_px**2
         system.right += _times(held, self.z - x).sum(0)
-        given = np.eye(CORNERS) / self.model.given_px**2
-        for k, corners in self.measured.given.items():
-            system.own[k] += given
-            system.right[k] += given @ (corners - x[k])
+        exact, clicked = self.model.reference_px**2, self.model.clicked_px**2 / 2
+        for given, variance in ((self.measured.reference, exact), (self.measured.clicked, clicked)):
+            for k, corners in given.items():
+                information = 1 / (exact if k in firm else variance)
+                system.own[k] += np.eye(CORNERS) * information
+                system.right[k] += (corners - x[k]) * information
 
         held = relative[..., None, None] * self.change_information
         told = _times(held, self.change - np.diff(x, axis=0)).sum(0)

@@ -77,8 +77,8 @@ class Record:
             record._put_track(len(ways), old)
         return record
 
-    def part(self, start: int, stop: int, given: dict[int, Array]) -> Measurements:
-        """The measurements in the frames start to stop - 1, and corners (4, 2) given there."""
+    def part(self, start: int, stop: int, reference: dict[int, Array], clicked: dict[int, Array]) -> Measurements:
+        """The measurements in the frames start to stop - 1, and corners (4, 2) that are known or clicked there."""
         between = slice(start, stop - 1)
         return Measurements(
             self.corners[:, start:stop],
@@ -86,7 +86,10 @@ class Record:
             self.linked[:, between],
             self.steps[between],
             self.step_covariance[between],
-            {i - start: c.reshape(CORNERS) for i, c in given.items() if start <= i < stop},
+            *(
+                {i - start: c.reshape(CORNERS) for i, c in given.items() if start <= i < stop}
+                for given in (reference, clicked)
+            ),
         )
 
     @property

@@ -21,7 +21,7 @@ from ..progress import Listener, Stage
 from ..stopping import StopSignal
 from ..surface import Keyframe, Surface
 from ..tracks import Source, Track
-from .corrections import merged_keyframes, not_passed
+from .corrections import merged_keyframes, new_keyframes, tell
 from .moments import is_within, keyframes_of, starts, until
 from .pictures import plane_pictures, reference_frame
 from .protocol import MakeTracker, PlanarTracker
@@ -110,6 +110,7 @@ class Passes:
         for target in targets:
             target.known.warnings = [*self.reader.warnings, *target.known.warnings]
             target.known.region = target.region
+            tell(target.known)
         return [target.known for target in targets]
 
     def prepare(self, surfaces: Sequence[Surface]) -> tuple[list[int], int]:
@@ -135,7 +136,7 @@ class Passes:
         track, n, start = deepcopy(track), len(track), track.reference_frame
         self.first = track.first
         track.keyframes = merged_keyframes(track, keyframes)
-        changed = not_passed(track, track.keyframes)
+        changed = new_keyframes(track, track.keyframes)
         forward, back = (
             [run for run in runs if run.anchor in changed or run.stop in changed]
             for runs in (forward_runs(track.given), backward_runs(track.given, self.first))
@@ -144,6 +145,7 @@ class Passes:
         for run in (*forward, *back):
             low, high = sorted((run.anchor, n - 1 if run.stop is None else run.stop))
             anew[low : high + 1] = True
+        anew[[i for i in track.given if i not in changed]] = False
 
         target = Target(self.make_tracker(), track.quad, start, track.quad, track.keyframes, track=track)
         target.tracker.init(reference_frame(self.reader, start), track.quad, track.region)
@@ -155,6 +157,7 @@ class Passes:
         track.cuts = sorted(self.cuts)
         solve(track, target.runs, self.options.smooth, anew)
         track.warnings = list(dict.fromkeys([*self.reader.warnings, *track.warnings]))
+        tell(track)
         return track
 
     def _targets(self, surfaces: Sequence[Surface]) -> list[Target]:

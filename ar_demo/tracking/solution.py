@@ -77,7 +77,7 @@ def solve(
     weight = np.zeros_like(record.confidence)
     between = np.zeros(n, bool)  # whether there are measurements on both sides, in the same piece
     for start, stop in _pieces(track, record, n):
-        found = Shot(record.part(start, stop, track.given)).solve(strength)
+        found = Shot(record.part(start, stop, {track.reference_frame: track.quad}, track.keyframes)).solve(strength)
         corners[start:stop] = found.corners.reshape(-1, 4, 2)
         deviation[start:stop] = np.sqrt(np.trace(found.covariance, axis1=1, axis2=2) / 4)
         weight[:, start:stop] = found.weight
@@ -102,6 +102,7 @@ def solve(
         track.states[i] = states[i]
         track.corners[i] = np.nan if is_lost else corners[i]
         track.deviation[i], track.confidence[i] = (np.inf, 0.0) if is_lost else (deviation[i], confidence[i])
+    track.used = dict(track.keyframes)
     _fix(track)
     disagrees = ((record.states == TRACKED) & record.measured).any(0)[:n] & ~agrees
     kept = [warning for warning in track.warnings if not warning.startswith("frames ")]
@@ -140,10 +141,12 @@ def _pieces(track: Track, record: Record, n: int) -> list[tuple[int, int]]:
 
 
 def _fix(track: Track) -> None:
-    """Sets the given poses, which are exact."""
-    for index, corners in track.given.items():
-        track.corners[index], track.states[index] = corners, "tracked"
-        track.confidence[index], track.deviation[index] = 1.0, 0.0
+    """Sets the quad, which is exact, and the keyframes that nothing else is known of: there the surface is not lost."""
+    for index, corners in track.keyframes.items():
+        if track.states[index] == "lost":
+            track.corners[index], track.states[index], track.deviation[index] = corners, "held", JOINT.clicked_px
+    i = track.reference_frame
+    track.corners[i], track.states[i], track.confidence[i], track.deviation[i] = track.quad, "tracked", 1.0, 0.0
 
 
 def _areas(corners: Array) -> Array:

@@ -75,6 +75,24 @@ def test_an_impatient_second_one_does_not_end_the_cleaning_up(clip: Path, tmp_pa
     assert list(tmp_path.iterdir()) == []
 
 
+def test_one_that_comes_where_no_exception_gets_through_is_not_lost(clip: Path, tmp_path: Path) -> None:
+    class Finalised:
+        def __del__(self) -> None:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    def listen(event: Progress) -> None:
+        if event.stage == "render" and event.done == 1:
+            Finalised()
+        time.sleep(0.02)
+
+    def command(_: object) -> int:
+        replace(clip, SURFACE, tmp_path / "o.mp4", None, OPTIONS, listen)
+        return 0
+
+    assert run(command, [], "") == 143
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_what_whoever_started_it_wants_ignored_is_ignored(clip: Path, tmp_path: Path) -> None:
     """As nohup does with SIGHUP."""
 

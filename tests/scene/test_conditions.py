@@ -52,6 +52,19 @@ def look(appearance: Appearance, frame: np.ndarray, pose: Array = SCENE.quad, de
     return conditions
 
 
+@pytest.mark.parametrize("sigma", [0.0, 2.0])
+@pytest.mark.parametrize("off", [2.0, 3.0, 6.0])
+def test_misalignment_is_neither_blur_nor_an_occluder(
+    appearance: Appearance, reference: np.ndarray, off: float, sigma: float
+) -> None:
+    """A pose that is wrong by some px, and believed to be good."""
+    frame = cv2.GaussianBlur(reference, (0, 0), sigma) if sigma else reference
+    aligned, beside = look(appearance, frame), look(appearance, frame, SCENE.quad + np.array([off, -off / 2]))
+    np.testing.assert_allclose(beside.blur, aligned.blur, atol=2.5)
+    assert hidden(beside).mean() < 1e-3
+    assert np.abs(beside.light.gain - aligned.light.gain).mean() < 0.05
+
+
 def hidden(conditions: Conditions, shape: tuple[int, ...] = (480, 640)) -> np.ndarray:
     """What is hidden of each pixel of a frame, (h, w) 0..1."""
     share = np.zeros(shape[:2])

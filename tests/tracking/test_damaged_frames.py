@@ -31,7 +31,7 @@ def test_a_damaged_frame_yields_to_those_around() -> None:
             concealed = 8 <= k <= 10
             shown = QUAD + np.array([2.0 * (7 if concealed else k), 0])
             run.add(Told(shown), damaged and concealed)
-        found = Shot(Record.of([run], n).part(0, n, {0: QUAD})).solve()
+        found = Shot(Record.of([run], n).part(0, n, {0: QUAD}, {})).solve()
         right = np.stack([QUAD + np.array([2.0 * k, 0]) for k in range(n)]).reshape(n, 8)
         solved[damaged] = np.abs(found.corners - right)[8:11].max()
     assert solved[False] > 5

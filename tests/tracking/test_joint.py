@@ -23,21 +23,26 @@ def noise(like: np.ndarray, px: float, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).normal(0, px, like.shape)
 
 
-def measured(*ways: np.ndarray, deviation: float | np.ndarray = 0.3, given: Given | None = None) -> Measurements:
+def measured(
+    *ways: np.ndarray,
+    deviation: float | np.ndarray = 0.3,
+    reference: Given | None = None,
+    clicked: Given | None = None,
+) -> Measurements:
     """Of ways (n, 8) through n frames, NaN where nothing was measured; deviation: px, of a corner."""
     z = np.array(ways)
     n = z.shape[1]
     covariance = np.broadcast_to(np.square(deviation) / 2, z.shape[:2])[..., None, None] * np.eye(CORNERS)
     linked = np.ones((len(ways), n - 1), bool)
     nothing = np.full((n - 1, 3, 3), np.nan), np.full((n - 1, CORNERS, CORNERS), np.nan)
-    return Measurements(z, covariance, linked, *nothing, given or {})
+    return Measurements(z, covariance, linked, *nothing, reference or {}, clicked or {})
 
 
 def with_steps(measurements: Measurements, steps: np.ndarray, px: float = 0.2) -> Measurements:
     """With steps (n - 1, 3, 3) of so many px of standard deviation per coordinate."""
     covariance = np.repeat(px**2 * np.eye(CORNERS)[None], len(steps), 0)
     m = measurements
-    return Measurements(m.corners, m.covariance, m.linked, steps, covariance, m.given)
+    return Measurements(m.corners, m.covariance, m.linked, steps, covariance, m.reference, m.clicked)
 
 
 def shifts(corners: np.ndarray) -> np.ndarray:
@@ -118,8 +123,8 @@ def test_a_keyframe_mends_where_the_error_arose_and_nowhere_else() -> None:
     truth = still(283)
     wrong = truth + noise(truth, 0.1)
     wrong[49:81, 0::2] += 20
-    before = Shot(measured(wrong, given={0: truth[0]})).solve()
-    found = Shot(measured(wrong, given={0: truth[0], 66: truth[66]})).solve()
+    before = Shot(measured(wrong, reference={0: truth[0]})).solve()
+    found = Shot(measured(wrong, reference={0: truth[0]}, clicked={66: truth[66]})).solve()
     assert off(before, truth)[49:81].max() > 10
     assert off(found, truth)[49:81].max() < 0.5
     assert off(found, truth)[:49].max() < off(before, truth)[:49].max() + 0.05
@@ -152,7 +157,7 @@ def test_steps_that_follow_something_else_count_for_little() -> None:
 
 def test_what_a_person_says_otherwise_is_spread_between() -> None:
     truth = motion(120)
-    found = Shot(measured(truth, given={0: truth[0], 40: truth[40] + 4})).solve()
+    found = Shot(measured(truth, reference={0: truth[0]}, clicked={40: truth[40] + 4})).solve()
     np.testing.assert_allclose((found.corners - truth)[:41].mean(1), np.arange(41) / 10, atol=0.25)
     assert np.abs((found.corners - truth)[40] - 4).max() < 0.05
 

@@ -164,13 +164,13 @@ def test_held_frames_are_led_from_fix_to_fix(world: World, clip: Path) -> None:
     assert np.abs(truth(22) - truth(19)).max() > 1
 
 
-def test_a_track_passes_through_keyframes(world: World, clip: Path) -> None:
+def test_a_keyframe_mends_a_slip(world: World, clip: Path) -> None:
     """The tracker slips, more and more, up to a frame where somebody corrects it, and is right from there on."""
     world.bias = lambda i: 0.3 * (i - 10) if 10 <= i <= 30 else 0.0
     given = keyframe(30, truth(30))
     found = track(clip, Surface(quad=QUAD, keyframes=(given,)), world)
-    np.testing.assert_array_equal(found.corners[30], truth(30))
-    assert (found.states[30], found.confidence[30]) == ("tracked", 1.0)
+    np.testing.assert_allclose(found.corners[30], truth(30), atol=0.1)
+    assert found.deviation[30] == pytest.approx(2, abs=0.3)  # a hand's
     assert off(found)[:31].max() < 2.1 < 6 == world.bias(30)  # what is linear in it is gone
     assert off(found)[31 + 30 :].max(initial=0) < 1e-6
     assert found.keyframes.keys() == {30}
@@ -178,10 +178,10 @@ def test_a_track_passes_through_keyframes(world: World, clip: Path) -> None:
 
 
 def test_a_correction_is_spread_linearly(world: World, clip: Path) -> None:
-    """A person who sees everything 4 px further right at a keyframe moves all between, the less the farther."""
-    found = track(clip, Surface(quad=QUAD, keyframes=(keyframe(40, truth(40) + 4 * RIGHT),)), world)
+    """A person who sees everything 8 px further right at a keyframe moves all between, the less the farther."""
+    found = track(clip, Surface(quad=QUAD, keyframes=(keyframe(40, truth(40) + 8 * RIGHT),)), world)
     shift = (found.corners - [truth(i) for i in range(FRAMES)])[..., 0].mean(1)
-    np.testing.assert_allclose(shift[:41], np.arange(41) / 10, atol=0.25)
+    np.testing.assert_allclose(shift[:41], np.arange(41) / 5, atol=0.5)
     assert np.abs(np.diff(shift[40:])).max() < 0.2  # and does not jump afterwards
 
 
@@ -200,19 +200,19 @@ def test_keyframes_lead_over_what_the_tracker_cannot_see(world: World, clip: Pat
     world.hidden = set(range(22, 40)) - {31}
     found = track(clip, Surface(quad=QUAD, keyframes=(keyframe(25, truth(25)), keyframe(28, truth(28)))), world)
     assert off(found)[19:29].max() < 0.2
-    assert found.states[23:29] == ["held", "held", "tracked", "held", "held", "tracked"]
+    assert found.states[23:29] == ["held"] * 6
+    assert off(found)[25] < 0.2 < found.deviation[25] < 2.1
     assert off(found)[31] < 0.1
 
 
 @pytest.mark.parametrize("start", [0, 30, 59])
 def test_a_keyframe_may_come_before_or_after_the_reference_frame(world: World, clip: Path, start: int) -> None:
-    given = tuple(keyframe(i, truth(i) + 1) for i in (5, 45))
+    given = tuple(keyframe(i, truth(i) + 2) for i in (5, 45))
     found = track(clip, Surface(quad=truth(start), start=Moment(frame=start), keyframes=given), world)
-    np.testing.assert_array_equal(found.corners[5], truth(5) + 1)
-    np.testing.assert_array_equal(found.corners[45], truth(45) + 1)
     np.testing.assert_array_equal(found.corners[start], truth(start))
     assert found.counts["tracked"] == FRAMES
-    assert off(found).max() < 1 + 1e-6
+    assert off(found).max() < 0.1
+    assert found.keyframes.keys() == found.used.keys() == {5, 45}
 
 
 def test_retracks_only_between_the_neighbours_of_what_changed(world: World, clip: Path, tmp_path: Path) -> None:
@@ -221,12 +221,12 @@ def test_retracks_only_between_the_neighbours_of_what_changed(world: World, clip
     old = Track.load(tmp_path / "t.json")
     old.corners[10], old.corners[50] = old.corners[10] + 7, old.corners[50] - 7  # as somebody edited it
     world.seen.clear()
-    new = track(clip, Surface(track=old, keyframes=(keyframe(31, truth(31) + 3 * RIGHT),)), world)
+    new = track(clip, Surface(track=old, keyframes=(keyframe(31, truth(31) + 8 * RIGHT),)), world)
     assert set(world.seen) == set(range(20, 41))
     untouched = [*range(20), *range(41, FRAMES)]
     np.testing.assert_array_equal(new.corners[untouched], old.corners[untouched])
-    np.testing.assert_array_equal(new.corners[31], truth(31) + 3 * RIGHT)
-    assert 1 < off(new)[28] < 3
+    np.testing.assert_allclose(new.corners[31], truth(31) + 8 * RIGHT, atol=0.1)
+    assert 4 < off(new)[28] < 8
     assert new.keyframes.keys() == {20, 31, 40}
     assert 31 not in old.keyframes
 
@@ -239,9 +239,12 @@ def test_a_keyframe_edited_in_the_file_is_new(world: World, clip: Path) -> None:
     old.keyframes[40] = truth(40) + 2
     new = track(clip, Surface(track=old), world)
     assert set(world.seen) == set(range(20, FRAMES))
-    np.testing.assert_array_equal(new.corners[40], truth(40) + 2)
+    np.testing.assert_array_equal(new.used[40], truth(40) + 2)
     assert new.counts["tracked"] == FRAMES
-    assert off(new).max() < 2 + 1e-6
+    assert off(new).max() < 0.1  # for a hand may err so much
+    world.seen.clear()
+    assert track(clip, Surface(track=new), world) is new
+    assert world.seen == []
 
 
 @pytest.mark.parametrize("backward", [False, True])
