@@ -200,6 +200,11 @@ def is_picture(path: Path) -> bool:
     return path.suffix.lower() in PICTURES
 
 
+def is_linear(path: Path) -> bool:
+    """Whether a name is that of pictures in linear light: OpenEXR."""
+    return path.suffix.lower() == ".exr"
+
+
 def picture_codec(path: Path) -> Codec:
     """The codec of an image sequence of this name; raises InputError where it is none that we write."""
     if not is_picture(path):

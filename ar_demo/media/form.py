@@ -58,9 +58,11 @@ def form_of(output: Path, info: VideoInfo, depth: Depth, codec: str | None, tone
     if tonemap and info.hdr is None:
         warnings.append(f"{info.path.name} is not HDR: --tonemap changes nothing")
     if codecs.is_picture(output):
-        if info.hdr is not None and not tonemap:
+        # Only floats in linear light tell HDR from SDR.
+        in_sdr = info.hdr is not None and (tonemap or wanted <= 8 or not codecs.is_linear(output))
+        if in_sdr and not tonemap and depth != "8":
             warnings.append(f"pictures do not say that they are HDR: {info.path.name} is shown in SDR")
-        colour = None if info.hdr else info.colour
+        colour = None if in_sdr else info.colour
         return Form(codecs.choose(output, codec).name, wanted, None, colour, None, tuple(warnings))
     size = info.width, info.height
     chosen = codecs.choose(output, codec, depth=wanted)

@@ -11,6 +11,7 @@ from .form import Form
 from .numbering import Numbering
 from .reader import VideoInfo
 from .sequence_writer import SequenceWriter, numbered
+from .srgb import to_linear
 from .streams import Streams
 from .writer import VideoWriter
 
@@ -53,7 +54,13 @@ def open_output(
         raise InputError(f"--crf does nothing for {path.suffix}, which has one quality: leave it out")
     if info.frames != 1 and Numbering.parse(path) is None:
         raise InputError(f"{path} is one picture, and the video has several: name a sequence, as {numbered(path)}")
-    rate = info.rate if info.is_pictures else None
     return SequenceWriter(
-        output, info.width, info.height, depth=form.depth, alpha=alpha, first=info.first_number, rate=rate
+        output,
+        info.width,
+        info.height,
+        depth=form.depth,
+        alpha=alpha,
+        first=info.first_number,
+        rate=info.rate if info.is_pictures else None,
+        light=to_linear if info.hdr is None or form.colour is None else info.hdr.light,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -23,6 +23,8 @@ from .planes import Drawn, Planes
 from .srgb import to_linear
 from .transparency import FromRGBA
 
+Light = Callable[[Picture], Floats]
+
 
 class SequenceWriter:
     """Writes frames to pictures. A context manager as `VideoWriter`: leaving it by an exception leaves none of them."""
@@ -37,6 +39,7 @@ class SequenceWriter:
         alpha: bool = False,
         first: int = 0,
         rate: Fraction | None = None,
+        light: Light = to_linear,
     ) -> None:
         """Begins a sequence; what there is of one of this name is replaced.
 
@@ -49,6 +52,7 @@ class SequenceWriter:
             first: number of the first picture.
             rate: frames per second, by which a frame's time, from 0 on, gives its number, so that pictures that cannot
                 be read leave a gap; None numbers them one after the other.
+            light: what coded values, uint8 or uint16, are in linear light, for OpenEXR.
 
         Raises:
             InputError: the ending is that of no picture.
@@ -61,7 +65,7 @@ class SequenceWriter:
         self._numbers: list[int] = []  # of the pictures that are complete
         self._names = Numbering.parse(self.path)
         self._pix_fmt = codecs.pixel_format(self._codec, suffix, width, height, depth, alpha=alpha)
-        self._is_float = suffix == ".exr"
+        self._is_float, self._light = codecs.is_linear(self.path), light
         self._to_frame = FromRGBA(self._pix_fmt) if alpha and not self._is_float else FromRGB(self._pix_fmt)
         self._is_owner = not isinstance(path, Claim)
         self._claim = path if isinstance(path, Claim) else Claim(path, overwrite=True)
@@ -96,7 +100,7 @@ class SequenceWriter:
         """Appends a picture.
 
         Args:
-            image: (height, width, 3), or 4 with transparency. uint8 or uint16 as sRGB has it, which OpenEXR gets in
+            image: (height, width, 3), or 4 with transparency. uint8 or uint16 as it is coded, which OpenEXR gets in
                 linear light; or float32, for OpenEXR alone, as it is.
             time: seconds.
             duration, planes, drawn: are not used; a video has them.
@@ -126,7 +130,7 @@ class SequenceWriter:
     # ---- inside ----
 
     def _float_frame(self, image: Picture) -> av.VideoFrame:
-        linear = image if image.dtype == np.float32 else to_linear(image)
+        linear = image if image.dtype == np.float32 else self._light(image)
         # FFmpeg cuts off what half floats do not hold, which makes all a little darker.
         rounded: Floats = linear.astype(np.float16).astype(np.float32)
         return av.VideoFrame.from_ndarray(rounded, self._pix_fmt)

@@ -96,7 +96,7 @@ class MatteWriter(AbstractContextManager["MatteWriter"]):
 
 def _light(path: Path, info: VideoInfo) -> Light | None:
     """What a video's values stand for in a file of linear light; None for another kind of file."""
-    if path.suffix.lower() != ".exr":
+    if not codecs.is_linear(path):
         return None
     return to_linear if info.hdr is None else info.hdr.light
 

@@ -241,6 +241,17 @@ def test_a_layer_in_pictures_fits_the_hdr_source(tmp_path: Path, white: Path, tr
         assert np.abs(over[middle] - after.image[middle].astype(float)).mean() < 65535 / 1023
 
 
+@BOTH
+def test_openexr_has_the_light_of_hdr(tmp_path: Path, white: Path, transfer: Transfer) -> None:
+    source = clip(tmp_path / "in.mkv", transfer, "ffv1")
+    assert rendered(source, white, tmp_path / "o.%d.exr") == []
+    found = floats_of(tmp_path / "o.0.exr")
+    assert found[INSIDE].mean((0, 1)) == pytest.approx([1, 1, 1], abs=0.02)  # an ad's white
+    assert found[30:40, 260:290].mean() == pytest.approx(800 / GRAPHICS_WHITE, rel=0.05)
+    assert rendered(source, white, tmp_path / "s.%d.exr", tonemap=True) == []
+    assert floats_of(tmp_path / "s.0.exr").max() <= 1
+
+
 def test_a_layer_of_eight_bits_is_no_hdr(tmp_path: Path, white: Path) -> None:
     source = clip(tmp_path / "in.mp4", "pq")
     with Session(source, make_tracker=Still) as session:
