@@ -11,6 +11,7 @@ from .color import Colour
 from .mastering import Mastering
 from .planes import plain
 from .reader import VideoInfo
+from .siting import chroma_siting, turned
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Form:
         pixel_format: the source's, where it is preferred among those of this depth; None for 4:2:0.
         colour: the source's; None for BT.709.
         mastering: what an HDR source says of itself, where the output is HDR.
+        siting: where chroma samples lie, where they are the source's; None where that is not known.
         warnings: what the source has and the output has not, though it was not asked for.
     """
 
@@ -32,6 +34,7 @@ class Form:
     colour: Colour | None
     mastering: Mastering | None = None
     warnings: tuple[str, ...] = ()
+    siting: str | None = None
 
 
 def form_of(output: Path, info: VideoInfo, depth: Depth, codec: str | None, tonemap: bool = False) -> Form:
@@ -84,4 +87,7 @@ def form_of(output: Path, info: VideoInfo, depth: Depth, codec: str | None, tone
         warnings.append(f"{info.dynamic} dynamic metadata cannot be kept: {info.path.name} becomes plain HDR")
     if mastering is not None and not mastering.can_be_written(chosen.encoder):
         warnings.append(f"{chosen.title} has no place for the mastering display's metadata: they are left out")
-    return Form(chosen.name, bits, pixel_format, info.colour, mastering, tuple(warnings))
+    siting = None
+    if pixel_format is not None and plain(pixel_format).startswith("yuv420"):
+        siting = turned(chroma_siting(info.path), info.rotation)
+    return Form(chosen.name, bits, pixel_format, info.colour, mastering, tuple(warnings), siting)

@@ -48,6 +48,7 @@ def open_output(
             pixel_format=form.pixel_format,
             colour=form.colour,
             mastering=form.mastering,
+            siting=form.siting,
             alpha=alpha,
         )
     if crf is not None:

@@ -61,6 +61,7 @@ class VideoWriter:
         pixel_format: str | None = None,
         colour: Colour | None = None,
         mastering: Mastering | None = None,
+        siting: str | None = None,
         alpha: bool = False,
     ) -> None:
         """Begins a file.
@@ -82,6 +83,7 @@ class VideoWriter:
             colour: of the source; kept where its pixel format is, or with alpha. Else the file is in BT.709, or in
                 BT.2020 with the source's transfer where that is HDR. None for BT.709.
             mastering: what an HDR source says of itself, written where the codec has a place for it.
+            siting: where the source's chroma samples lie, by FFmpeg's name; told where its pixel format is kept.
             alpha: whether frames have transparency.
 
         Raises:
@@ -98,6 +100,9 @@ class VideoWriter:
             log.warning("odd size %dx%d is written as 4:4:4, which some players do not show", width, height)
         if colour is None or (pix_fmt != like and not (alpha and pix_fmt.startswith("yuv"))):
             colour = (colour or BT709).converted(pix_fmt)
+        told = mastering.options(chosen.encoder) if mastering else {}
+        if siting is not None and pix_fmt == like:
+            told["chroma_sample_location"] = siting
 
         self._size = width, height
         self._rate = Fraction(rate)
@@ -121,7 +126,7 @@ class VideoWriter:
             options = dict(container.options)
             part = str(self._claim.part)
             self._container = av.open(part, "w", format=container.muxer, container_options=options)
-            self._stream = self._add_stream(chosen, crf, pix_fmt, pixel_aspect, fast, mastering)
+            self._stream = self._add_stream(chosen, crf, pix_fmt, pixel_aspect, fast, told)
             if streams is not None:
                 streams.attach(self._container, self._stream)
             self._container.start_encoding()
@@ -233,13 +238,13 @@ class VideoWriter:
         pix_fmt: str,
         pixel_aspect: Fraction,
         fast: bool,
-        mastering: Mastering | None,
+        told: dict[str, str],
     ) -> VideoStream:
         width, height = self._size
         options = codec.options_for(pix_fmt) | {"crf": f"{DEFAULT_CRF if crf is None else crf:g}"}
         if fast and codec.encoder in ("libx264", "libx265"):
             options["preset"] = "ultrafast"
-        for name, value in (mastering.options(codec.encoder) if mastering else {}).items():
+        for name, value in told.items():
             options[name] = f"{options[name]}:{value}" if name in options else value
         stream = cast(VideoStream, self._container.add_stream(codec.encoder, rate=self._rate, options=options))
         stream.time_base = self._time_base

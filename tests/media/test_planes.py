@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 
 from ar_demo.media import color
+from ar_demo.media.form import form_of
+from ar_demo.media.outputs import open_output
 from ar_demo.media.planes import Planes, can_be_kept, cell, grown, samples
 from ar_demo.media.reader import Frame, VideoReader
+from ar_demo.media.siting import chroma_siting, turned
 from ar_demo.media.writer import VideoWriter
 
 from .. import clips
+from ..videos import write
 
 SIZE = 192, 144
 BOX = slice(41, 90), slice(51, 120)  # odd, so that it shares chroma samples with what is around it
@@ -154,6 +158,28 @@ def test_in_the_box_pixels_that_did_not_change_are_the_decoders_too(tmp_path: Pa
         inside[spot[0].start // y : -(-spot[0].stop // y), spot[1].start // x : -(-spot[1].stop // x)] = True
         assert np.array_equal(a[~inside], b[~inside])
         assert (a[inside] != b[inside]).mean() > 0.7
+
+
+@pytest.mark.parametrize("codec", ["h264", "h265", "av1"])
+def test_chroma_samples_are_said_to_lie_where_the_sources_do(tmp_path: Path, codec: str) -> None:
+    depth = {"depth": 10, "pixel_format": "yuv420p10le"} if codec == "av1" else {"pixel_format": "yuv420p"}
+    source = write(tmp_path / "a.mp4", noisy(2), codec=codec, siting="topleft", **depth)
+    assert chroma_siting(source) == "topleft"
+    with VideoReader(source) as reader:
+        form = form_of(tmp_path / "b.mp4", reader.info, "auto", codec)
+        with open_output(tmp_path / "b.mp4", reader.info, form) as writer:
+            for frame in reader.frames():
+                writer.write(frame.image, frame.time, frame.duration, frame.planes)
+    assert chroma_siting(tmp_path / "b.mp4") == "topleft"
+
+
+def test_where_chroma_samples_lie_by_default_and_turned(tmp_path: Path) -> None:
+    assert chroma_siting(clips.make_clip(tmp_path / "a.mp4", noisy(1))) == "left"
+    assert chroma_siting(clips.make_clip(tmp_path / "a.mkv", noisy(1), codec="ffv1")) is None
+    assert [turned("left", degrees) for degrees in (0, 90, 180, 270)] == ["left", "bottom", None, "top"]
+    assert turned("topleft", 180) is None
+    assert turned("center", 90) == "center"
+    assert turned(None, 90) is None
 
 
 def test_a_box_grows_to_whole_cells_inside_the_picture() -> None:
