@@ -26,7 +26,7 @@ from .moments import is_within, keyframes_of, starts, until
 from .pictures import plane_pictures, reference_frame
 from .protocol import MakeTracker, PlanarTracker
 from .runs import Run, backward_runs, fixes_of, forward_runs, gap_runs
-from .solution import blank, is_uncertain, solve
+from .solution import blank, is_uncertain, may_gain, solve
 from .sweep import Follower, backward_stretches, sweep
 
 log = logging.getLogger(__name__)
@@ -200,7 +200,7 @@ class Passes:
         better = [
             (target, picture)
             for target, picture in zip(old, pictures, strict=True)
-            if picture.is_better and picture.deviation < np.median(target.known.deviation)
+            if picture.is_better and may_gain(target.known, picture.deviation)
         ]
         new = [self._with_picture(target, picture) for target, picture in better]
         if not new:

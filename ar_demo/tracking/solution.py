@@ -30,11 +30,14 @@ class PieceModel:
         longest_gap: frames without any measurement, up to which those around are taken for one piece.
         uncertain: deviation, as a share of the surface's size, that a good view stays well below.
         uncertain_frames: share of the frames that may be uncertain before a second pass is worth it.
+        common: ratio of a deviation that all frames share to the median of theirs, which leave it out, up to which a
+            second pass is worth it.
     """
 
     longest_gap: int = 30
     uncertain: float = 0.005
     uncertain_frames: float = 0.05
+    common: float = 1.5
 
 
 MODEL = PieceModel()
@@ -117,6 +120,11 @@ def is_uncertain(track: Track) -> bool:
     size = np.sqrt(np.abs(_areas(track.corners)))
     sure = np.array([state == "tracked" for state in track.states]) & (track.deviation <= MODEL.uncertain * size)
     return bool((~sure)[track.inside].mean() > MODEL.uncertain_frames)
+
+
+def may_gain(track: Track, common: float) -> bool:
+    """Whether a pass whose corners have a standard deviation in common, px, can be surer than the track."""
+    return bool(common < MODEL.common * np.median(track.deviation))
 
 
 def _known(track: Track, record: Record, n: int) -> NDArray[np.bool_]:

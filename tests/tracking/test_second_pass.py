@@ -1,6 +1,7 @@
 """The second pass: it mends what a poor first view spoilt, and is not made where that was good."""
 
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ from ar_demo.pipeline import track
 from ar_demo.progress import Progress
 from ar_demo.surface import Surface
 from ar_demo.tracking.passes import Passes
-from ar_demo.tracks import Track
+from ar_demo.tracking.solution import blank, may_gain
+from ar_demo.tracks import Source, Track
 from hdn import Tracker
 from hdn.networks.engine import Engine
 
@@ -54,3 +56,11 @@ def test_a_good_first_view_costs_no_second_pass(
     assert set(stages) == {"track"}
     assert once.states == twice.states
     np.testing.assert_allclose(twice.corners, once.corners, atol=1e-3)
+
+
+def test_a_picture_whose_place_is_unsure_is_not_worth_a_pass() -> None:
+    source = Source("a.mp4", 320, 240, Fraction(30), 3)
+    found = blank(source, 0, TRUTH[0], [Fraction(i, 30) for i in range(3)], {})
+    found.deviation = np.array([0.0, 1.0, 1.2])
+    assert may_gain(found, 1.4)
+    assert not may_gain(found, 1.6)
