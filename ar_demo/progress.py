@@ -16,8 +16,8 @@ class Progress:
         stage: what is being done, as 'track' or 'render'.
         done, total: frames done in this stage, and in all; None where that is not known.
         states: of the surfaces in this frame, in their order; None for one that is not looked at now.
-        preview: the frame, RGB (H, W, 3), uint8, or uint16 where that is the output's depth; with the ads where they
-            are drawn already. Not to be written to, and only valid during the call: copy what is kept.
+        preview: the frame, RGB (H, W, 3), uint8, in SDR; with the ads where they are drawn already. Not to be written
+            to, and only valid during the call: copy what is kept.
     """
 
     stage: str

@@ -91,7 +91,7 @@ def test_from_h264_to_h264(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("rotation", [90, 180, 270])
-@pytest.mark.parametrize("pix_fmt", ["yuv420p", "yuv444p"])
+@pytest.mark.parametrize("pix_fmt", ["yuv420p", "yuv444p", "yuv420p10le"])
 def test_turned_clips_keep_theirs_turned(tmp_path: Path, pix_fmt: str, rotation: int) -> None:
     source = clips.make_clip(tmp_path / "a.mp4", noisy(2), pix_fmt=pix_fmt, rotation=rotation)
     target = through(source, tmp_path / "b.mkv", "ffv1")
