@@ -17,6 +17,7 @@ from .media.claims import Claim, check_name, claimed
 from .media.codecs import holds_sound, is_picture
 from .media.reader import IndexDropped, VideoReader
 from .media.sequences import ImageSequence, pictures_of
+from .media.space import warn_of_space
 from .media.streams import Streams
 from .media.threads import ahead, behind
 from .media.writer import VideoWriter
@@ -164,6 +165,10 @@ class Session(AbstractContextManager["Session"]):
             open_compositor(options.backend).close()
         streams = self._streams(surfaces, outputs, options, Moment())
         OutputWriters(outputs, self.reader.info, options, streams).discard()
+        if outputs.video is not None:
+            warn_of_space(outputs.video.path, options.codec, self.reader.info)
+        if outputs.layer is not None:
+            warn_of_space(outputs.layer.path, options.layer_codec, self.reader.info, alpha=True)
 
     def render(
         self,

@@ -11,22 +11,21 @@ from ..words import counted
 
 
 class Log(logging.StreamHandler):  # type: ignore[type-arg]
-    """Writes the log to stderr, each warning once.
+    """Writes the log to stderr, each message once.
 
     Attributes:
-        warned: the warnings that it wrote.
+        told: the messages that it wrote.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
-        self.warned: set[str] = set()
+        self.told: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
-        if record.levelno == logging.WARNING:
-            if record.getMessage() in self.warned:
-                return
-            self.warned.add(record.getMessage())
+        if record.getMessage() in self.told:
+            return
+        self.told.add(record.getMessage())
         super().emit(record)
 
 
@@ -55,7 +54,7 @@ def print_summary(result: Result) -> None:
 def warn(warnings: Sequence[str], log: Log, strict: bool) -> int:
     """Writes the warnings that the log has not written yet to stderr; the exit status."""
     for warning in dict.fromkeys(warnings):
-        if warning not in log.warned:
+        if warning not in log.told:
             print(f"warning: {warning}", file=sys.stderr)
     return FAILED if warnings and strict else DONE
 
