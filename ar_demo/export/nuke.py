@@ -12,6 +12,7 @@ from .coordinates import BL, BR, TL, TR, from_bottom_left
 from .keys import Keys, number
 
 HEADER = ["set cut_paste_input [stack 0]", "version 14.0 v1", "push $cut_paste_input"]
+LABEL_LINES = 8  # of a node's label, which is drawn in the node graph
 ORDER = (BL, BR, TR, TL)  # of to1 to to4
 TRACK_NAMES = ("bottom left", "bottom right", "top right", "top left")
 
@@ -78,6 +79,9 @@ def _point(frames: Sequence[int], points: Array) -> str:
 
 def _node(keys: Keys, kind: str, name: str, knobs: Sequence[str]) -> str:
     comments = [f"# {note}" for note in keys.notes]
-    label = "\\n".join(keys.marks)
+    marks = keys.marks
+    if len(marks) > LABEL_LINES:
+        marks = [*marks[:LABEL_LINES], f"and {len(marks) - LABEL_LINES} more"]
+    label = "\\n".join(marks)
     place = [f"name {name}_of_surface", *([f'label "{label}"'] if label else []), "selected true", "xpos 0", "ypos 0"]
     return "\n".join([*comments, *HEADER, f"{kind} {{", *(f" {knob}" for knob in [*knobs, *place]), "}", ""])

@@ -88,11 +88,16 @@ def picture(name, width, height, level):
 
 
 over = tree.nodes.new("CompositorNodeAlphaOver")
-tree.interface.new_socket(name="Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+if hasattr(scene, "compositing_node_group"):
+    tree.interface.new_socket(name="Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    back, front, shown = over.inputs["Background"], over.inputs["Foreground"], tree.nodes.new("NodeGroupOutput")
+else:  # Blender 4, which begins with a Composite node of its own
+    tree.nodes.remove(next(node for node in tree.nodes if node.bl_idname == "CompositorNodeComposite"))
+    back, front, shown = over.inputs[1], over.inputs[2], tree.nodes.new("CompositorNodeComposite")
 tree.links.new(picture("insert", 640, 360, 1.0), node.inputs["Image"].links[0].from_node.inputs["Image"])
-tree.links.new(picture("plate", 320, 240, 0.0), over.inputs["Background"])
-tree.links.new(node.outputs["Image"], over.inputs["Foreground"])
-tree.links.new(over.outputs["Image"], tree.nodes.new("NodeGroupOutput").inputs[0])
+tree.links.new(picture("plate", 320, 240, 0.0), back)
+tree.links.new(node.outputs["Image"], front)
+tree.links.new(over.outputs["Image"], shown.inputs[0])
 scene.frame_set(int(sys.argv[3]))
 scene.render.filepath = sys.argv[2]
 bpy.ops.render.render(write_still=True)

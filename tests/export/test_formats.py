@@ -89,6 +89,14 @@ def test_lost_frames_are_marked_in_a_comment(name: str) -> None:
     assert "frame 15: another shot begins" in exported(keys_of(TRACKS["cut"](), 10), name)
 
 
+def test_a_label_stays_short() -> None:
+    track = make(np.repeat(QUAD[None], 60, 0), cuts=tuple(range(1, 51)))
+    text = exported(keys_of(track, 1), "nuke")
+    assert parsers.nuke_nodes(text)["CornerPin2D"]["label"].count("\\n") == 8
+    assert 'another shot begins\\nand 42 more"' in text
+    assert text.count("# frame ") == 50
+
+
 def test_a_timeline_marks_lost_frames() -> None:
     io = pytest.importorskip("opentimelineio")
     made = io.adapters.read_from_string(exported(keys_of(TRACKS["lost"](), 10), "otio"), "otio_json")
