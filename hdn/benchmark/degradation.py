@@ -1,7 +1,8 @@
 """Ways to make any sequence harder.
 
 Every frame is treated, the first, from which a tracker learns, among them; but for `bar2` and `blur2`, which leave the
-first as it is: a user chooses a reference frame in which the surface is seen.
+first as it is: a user chooses a reference frame in which the surface is seen. `start` is the opposite: the reference
+frame is among the worst there are.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from ..imaging.quads import square
 
 DEGRADATIONS = {
     "blur": "25 px of horizontal motion blur",
+    "start": "25 px of horizontal motion blur in the first quarter of the frames",
     "blur2": "motion blur along the target's own motion, up to 60 px",
     "dark": "gain 0.28, with noise of sigma 7",
     "small": "shrunk to 28 % and brought back to size",
@@ -29,6 +31,7 @@ class DegradationSettings:
     """How much harder DEGRADATIONS make a sequence."""
 
     blur_px: int = 25  # length of the motion blur
+    start_share: float = 0.25  # of the frames that are blurred by `start`, the first ones
     blur2_frames: float = 10.0  # of the target's motion, by which it is blurred: hand-held clips then reach 15 to 60 px
     blur2_swing: float = 0.5  # share by which that varies
     blur2_period_frames: int = 40  # of the variation
@@ -68,7 +71,7 @@ def degrade(frame: Image, kind: str, index: int, corners: Array) -> Image:
     """
     height, width = frame.shape[:2]
     progress = index / max(len(corners) - 1, 1)
-    if kind == "blur":
+    if kind == "blur" or (kind == "start" and index < SETTINGS.start_share * len(corners)):
         return np.asarray(cv2.blur(frame, (SETTINGS.blur_px, 1)), np.uint8)
     if kind == "blur2" and index > 0:
         return np.asarray(cv2.filter2D(frame, -1, line_kernel(blur_along_motion(index, corners))), np.uint8)

@@ -121,3 +121,12 @@ def test_between_known_corners_the_target_is_taken_to_move_evenly(tmp_path: Path
         all_known, few_known = (Sequence("set", "name", files, truth[0], t).degraded(kind) for t in (truth, rare))
         for one, other in zip(all_known.frames(), few_known.frames(), strict=True):
             assert np.array_equal(one, other)
+
+
+def test_start_blurs_the_first_quarter_as_blur_does() -> None:
+    frame = np.random.default_rng(3).integers(0, 256, (40, 60, 3), np.uint8)
+    corners = np.zeros((8, 4, 2))
+    for index in (0, 1):
+        np.testing.assert_array_equal(degrade(frame, "start", index, corners), degrade(frame, "blur", index, corners))
+    for index in (2, 7):
+        np.testing.assert_array_equal(degrade(frame, "start", index, corners), frame)
