@@ -33,6 +33,7 @@ class Source:
         frames: as many as the track has.
         fingerprint: see `media.fingerprint`; None in files of older versions, and where there is no file.
         pixel_aspect: width of a pixel over its height.
+        first_number: of the first picture of an image sequence; None for a video.
     """
 
     path: str
@@ -42,6 +43,7 @@ class Source:
     frames: int
     fingerprint: str | None = None
     pixel_aspect: Fraction = Fraction(1)
+    first_number: int | None = None
 
 
 @dataclass
@@ -185,6 +187,7 @@ class Track:
                 "frames": s.frames,
                 "fingerprint": s.fingerprint,
                 "pixel_aspect": str(s.pixel_aspect),
+                "first_number": s.first_number,
             },
             "reference_frame": self.reference_frame,
             "quad": self.quad.tolist(),
@@ -256,6 +259,7 @@ def _parse(content: dict[str, Any]) -> Track:
             source["frames"],
             source.get("fingerprint"),
             Fraction(source.get("pixel_aspect", 1)),
+            None if source.get("first_number") is None else int(source["first_number"]),
         ),
         int(content["reference_frame"]),
         quad,

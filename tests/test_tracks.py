@@ -52,6 +52,7 @@ def test_file_is_version_1_as_designed(track: Track, tmp_path: Path) -> None:
         "frames": 3,
         "fingerprint": None,
         "pixel_aspect": "1",
+        "first_number": None,
     }
     assert content["frames"][2]["corners"] is None
     assert content["frames"][2]["homography"] is None

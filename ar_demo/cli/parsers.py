@@ -12,7 +12,9 @@ from ..choices import CHOICES
 
 CORNER = r"\s*[^\s,]+,[^\s,.]+(\.\d*)?\s*"  # x,y and not a file's name with a comma in it
 CORNERS = re.compile(f"({CORNER})+")
-FIRST_FRAME = "number of the video's first frame in other programs (default: 1 in Nuke and Blender, else 0)"
+FIRST_FRAME = (
+    "number of the video's first frame in other programs (default: an image sequence's, 1 in Nuke and Blender, else 0)"
+)
 STATUSES = (
     "Exit status: 0 done, 1 failed while working, 2 wrong input; 130, 143 and 129 ended by Ctrl-C, SIGTERM and SIGHUP."
 )

@@ -18,7 +18,8 @@ class ExportOptions:
     """How tracks are exported.
 
     Attributes:
-        first_frame: the number of the video's first frame in the other program; None for its usual.
+        first_frame: the number of the video's first frame in the other program; None for that of an image sequence's
+            first picture, or the program's usual.
         size: (width, height) px of the picture that is pinned; None for the video's.
         lost_keys: whether lost frames hold the corners before them, or are left out.
 
@@ -61,7 +62,8 @@ def export_track(
     check_options(chosen, options)
     texts = []
     for exporter in chosen:
-        first = exporter.first_frame if options.first_frame is None else options.first_frame
+        said = (options.first_frame, track.source.first_number, exporter.first_frame)
+        first = next(number for number in said if number is not None)
         texts.append(exporter.write(keys_of(track, first, options.size, options.lost_keys)))
     for file, text in zip(files, texts, strict=True):
         write_whole(file, text.encode())

@@ -47,7 +47,7 @@ def read(text: str, width: int, height: int) -> Corners:
             order = np.argsort(list(properties.values()))
             margin = (np.array([width, height]) - [size["Source Width"], size["Source Height"]]) / 2
             if points:
-                return Corners({f: to_top_left(c[order] + margin) for f, c in points.items()}, FIRST_FRAME, between)
+                return Corners({f: to_top_left(c[order] + margin) for f, c in points.items()}, None, between)
     raise InputError("it has no Corner Pin and no CC Power Pin with keys: copy the keys of all four corners")
 
 

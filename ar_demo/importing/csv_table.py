@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..export.csv_table import COLUMNS
 from .curves import Corners
 
+FIRST_FRAME = 0
 OURS = re.compile(r"# ar-replace: .* frames from frame (-?\d+) on")
 NEEDED = [COLUMNS[0], *COLUMNS[3:]]
 
@@ -30,7 +31,7 @@ def read(text: str, width: int, height: int) -> Corners:
         InputError: a value that is no number.
     """
     lines = text.lstrip("\ufeff").splitlines()
-    first = next((int(match[1]) for line in lines if (match := OURS.fullmatch(line))), 0)
+    first = next((int(match[1]) for line in lines if (match := OURS.fullmatch(line))), None)
     points: dict[int, Array] = {}
     states: dict[int, State] = {}
     rows = csv.DictReader(

@@ -21,13 +21,13 @@ class Corners:
 
     Attributes:
         points: (4, 2) px by the frame's number in the other program.
-        first_frame: that of the video's first frame, where nobody says.
+        first_frame: that of the video's first frame, None where the file does not say.
         between: frames without a key, whose corners lie on lines between those that have one.
         states: of frames that the file says it of.
     """
 
     points: dict[int, Array]
-    first_frame: int
+    first_frame: int | None
     between: frozenset[int] = frozenset()
     states: dict[int, State] = field(default_factory=dict)
 

@@ -31,8 +31,8 @@ def load_track(path: Path | str, video: Path | str | ImageSequence | None, first
 
     Args:
         video: the video; only another program's corners need it.
-        first_frame: the number of the video's first frame in the other program; None for what the file says, or the
-            program's usual: 1 in Nuke, else 0.
+        first_frame: the number of the video's first frame in the other program; None for what the file says, the number
+            of an image sequence's first picture, or the program's usual: 1 in Nuke, else 0.
 
     Raises:
         InputError: the file cannot be read, is none of these, or fits the video in no frame.
@@ -56,7 +56,8 @@ def load_track(path: Path | str, video: Path | str | ImageSequence | None, first
             corners = kind.read(text, reader.info.width, reader.info.height)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
-        return _of_video(path, corners, reader, corners.first_frame if first_frame is None else first_frame)
+        said = (first_frame, corners.first_frame, reader.first_number, kind.FIRST_FRAME)
+        return _of_video(path, corners, reader, next(number for number in said if number is not None))
 
 
 def _of_video(path: Path, corners: Corners, reader: VideoReader, first_frame: int) -> Track:
@@ -81,7 +82,9 @@ def _of_video(path: Path, corners: Corners, reader: VideoReader, first_frame: in
         raise InputError(f"{path} has no quad in any frame: its corners cross, or lie on a line")
     start = _clearest(placed, info.width, info.height)
     mark = reader.fingerprint(count)
-    source = Source(reader.given, info.width, info.height, info.rate, count, mark, info.pixel_aspect)
+    source = Source(
+        reader.given, info.width, info.height, info.rate, count, mark, info.pixel_aspect, reader.first_number
+    )
     measured = np.array([state == "tracked" for state in states], np.float64)
     deviation = np.where(measured > 0, DEVIATION, np.inf)
     warnings = _warnings(path, corners, first_frame, count, reader)

@@ -46,7 +46,7 @@ def read(text: str, width: int, height: int) -> Corners:
     ours = OURS.search(text)
     return Corners(
         {frame: to_bottom_left(corners[order], height) for frame, corners in points.items()},
-        int(ours[1]) if ours else FIRST_FRAME,
+        int(ours[1]) if ours else None,
         between,
     )
 

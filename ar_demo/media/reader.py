@@ -212,6 +212,11 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         return [*self._told, *damage]
 
     @property
+    def first_number(self) -> int | None:
+        """Number of the first picture of an image sequence; None for a video."""
+        return self.info.first_number if isinstance(self.source, ImageSequence) else None
+
+    @property
     def seekable(self) -> bool:
         """Whether all frames' times and key frames are known, by the packets or since all has been decoded."""
         self._demux()

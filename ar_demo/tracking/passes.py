@@ -179,7 +179,8 @@ class Passes:
         length = self._forward(targets, forward, first, None, prefix + "track")
         info, times = self.reader.info, self.reader.times[:length]
         path, mark = self.reader.given, self.reader.fingerprint(length)
-        source = Source(path, info.width, info.height, info.rate, length, mark, info.pixel_aspect)
+        number = self.reader.first_number
+        source = Source(path, info.width, info.height, info.rate, length, mark, info.pixel_aspect, number)
         span = None if self.options.time is None else (self.first, length - 1)
         for target in targets:
             target.track = blank(source, target.start, target.quad, list(times), target.keyframes, span)

@@ -89,6 +89,16 @@ def test_lost_frames_are_marked_in_a_comment(name: str) -> None:
     assert "frame 15: another shot begins" in exported(keys_of(TRACKS["cut"](), 10), name)
 
 
+def test_an_image_sequence_says_its_first_number(tmp_path: Path) -> None:
+    track = TRACKS["moving"]()
+    track.source = replace(track.source, first_number=1001)
+    export_track(track, [tmp_path / "a.nk", tmp_path / "a.csv"])
+    assert "{curve x1001 " in (tmp_path / "a.nk").read_text()
+    assert "from frame 1001 on" in (tmp_path / "a.csv").read_text()
+    export_track(track, [tmp_path / "b.nk"], options=ExportOptions(first_frame=1))
+    assert "{curve x1 " in (tmp_path / "b.nk").read_text()
+
+
 def test_a_label_stays_short() -> None:
     track = make(np.repeat(QUAD[None], 60, 0), cuts=tuple(range(1, 51)))
     text = exported(keys_of(track, 1), "nuke")

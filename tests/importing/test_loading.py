@@ -4,6 +4,7 @@ import json
 from fractions import Fraction
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ from ar_demo.cli import entry
 from ar_demo.errors import InputError
 from ar_demo.export.exporting import ExportOptions, export_track
 from ar_demo.importing.loading import load_track
+from ar_demo.media.sequences import ImageSequence
 from ar_demo.tracks import Track
 
 from .. import clips
@@ -221,3 +223,16 @@ def test_a_table_may_be_loosely_written(tmp_path: Path, video: Path) -> None:
     text = "\n# mine\n\n frame , x1, y1,x2 ,y2,x3,y3,x4,y4, note\n\n1, 0,0, 90,0, 90,90, 0,90, corner\n\n"
     (tmp_path / "t.csv").write_text(text)
     assert load_track(tmp_path / "t.csv", video).states[:3] == ["lost", "tracked", "lost"]
+
+
+def test_an_image_sequence_is_numbered_as_its_files(tmp_path: Path) -> None:
+    for index, image in enumerate(clips.numbered(FRAMES, 320, 240)):
+        cv2.imwrite(str(tmp_path / f"p.{1001 + index}.png"), image)
+    pictures = ImageSequence.find(tmp_path / "p.%04d.png", Fraction(24))
+    file = tmp_path / "t.txt"
+    export_track(TRACKS["moving"](), [file], options=ExportOptions(first_frame=1001))
+    found = load_track(file, pictures)
+    assert np.abs(found.corners - TRACKS["moving"]().corners).max() < 0.01
+    assert found.source.first_number == 1001
+    found.save(tmp_path / "t.json")
+    assert Track.load(tmp_path / "t.json").source == found.source
