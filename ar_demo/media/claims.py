@@ -39,8 +39,12 @@ _LONGEST_NAME = 255  # bytes, where the file system does not tell
 
 @dataclass(frozen=True)
 class ClaimModel:
-    """Times by which a claim of another machine is told to be alive."""
+    """Times by which a claim is told to be alive."""
 
+    # Others that look whether it is dead lock it as well, and clear it away: so one look does not tell.
+    looks: int = 6
+    pause_seconds: float = 0.05  # between two of them
+    # Of another machine:
     touch_seconds: float = 60.0  # from one sign of life to the next
     silent_seconds: float = 600.0  # without one, after which it is dead
 
@@ -199,12 +203,16 @@ def _take(file: Path) -> int | None:
     Raises:
         OSError: the folder cannot be written to.
     """
+    looks = 0
     while True:
         try:
             lock = os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), 0o666)
         except FileExistsError:
             if not _remove_if_dead(file):
-                return None
+                looks += 1
+                if looks == MODEL.looks:
+                    return None
+                time.sleep(MODEL.pause_seconds)
             continue
         try:
             _locked(lock, wait=True)  # somebody else holds it only while looking whether it is dead

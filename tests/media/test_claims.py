@@ -75,7 +75,7 @@ def test_a_name_belongs_to_one_run_whatever_its_folder_is_called(tmp_path: Path)
 
 
 def test_of_many_at_once_one_gets_the_name(tmp_path: Path) -> None:
-    for _ in range(20):
+    for _ in range(8):
         start, got = threading.Barrier(8), []
 
         def claim(start: threading.Barrier = start, got: list[Claim] = got) -> None:
@@ -112,6 +112,20 @@ def test_a_killed_runs_name_is_free(tmp_path: Path) -> None:
         process.wait()
         with Claim(tmp_path / "a.mp4") as claim:
             assert not claim.part.exists()
+
+
+def test_a_killed_runs_name_is_free_while_others_clear_it_away(tmp_path: Path) -> None:
+    with other_run(tmp_path / "a.mp4") as process:
+        process.kill()
+        process.wait()
+        [file] = tmp_path.glob("*.claim")
+        lock = os.open(file, os.O_RDWR)
+        claims.fcntl.flock(lock, claims.fcntl.LOCK_EX)
+        timer = threading.Timer(0.1, os.close, (lock,))
+        timer.start()
+        Claim(tmp_path / "a.mp4").release()
+        timer.join()
+        assert names(tmp_path) == []
 
 
 def machine_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
