@@ -174,6 +174,8 @@ def track(
         file, picture, steady = (
             None if path is None else held.enter_context(claimed_output(path, options, input)) for path in outputs
         )
+        if steady is not None:
+            session.check_steady(steady, options)
         [tracked] = session.track([surface], tracking)
         assert tracked.track is not None
         if file is not None:

@@ -277,20 +277,34 @@ class Session(AbstractContextManager["Session"]):
             check_belongs_to(track, self.reader)
             self._numbered_rightly(lambda: self._steady(track, claim, options))
 
+    def check_steady(self, output: Claim, options: OutputOptions | None = None) -> None:
+        """Opens the encoder that `steady` will need, once, before the work; it is not known yet for which size.
+
+        Raises:
+            InputError, RunError: see `steady`.
+        """
+        self._steady_writer(
+            output, self.reader.info.width // 2 * 2, self.reader.info.height // 2 * 2, options
+        ).discard()
+
+    def _steady_writer(self, output: Claim, width: int, height: int, options: OutputOptions | None) -> VideoWriter:
+        info, options = self.reader.info, options or OutputOptions()
+        return VideoWriter(
+            output,
+            width,
+            height,
+            info.rate,
+            codec=options.codec,
+            crf=options.crf,
+            time_base=info.time_base,
+            pixel_aspect=info.pixel_aspect,
+        )
+
     def _steady(self, track: Track, output: Claim, options: OutputOptions) -> None:
-        view, info = SteadyView(track), self.reader.info
+        view = SteadyView(track)
         show = Stage(self.listen, "steady view", 0, len(track))
         with (
-            VideoWriter(
-                output,
-                view.width,
-                view.height,
-                info.rate,
-                codec=options.codec,
-                crf=options.crf,
-                time_base=info.time_base,
-                pixel_aspect=info.pixel_aspect,
-            ) as writer,
+            self._steady_writer(output, view.width, view.height, options) as writer,
             ahead(self.reader.frames(0, len(track))) as frames,
         ):
             for frame in self._stop.watch(frames):

@@ -63,6 +63,20 @@ def test_the_steady_view_is_saved_as_a_video(clip: Path, surface: Surface, tmp_p
         assert sum(1 for _ in reader.frames()) == FRAMES
 
 
+def test_the_steady_views_encoder_is_tried_before_the_work(clip: Path, surface: Surface, tmp_path: Path) -> None:
+    trackers: list[Still] = []
+
+    def make() -> Still:
+        trackers.append(Still())
+        return trackers[-1]
+
+    options = OutputOptions(codec="prores")
+    with pytest.raises(InputError, match="cannot hold"):
+        track(clip, surface, make_tracker=make, save_steady=tmp_path / "o.mp4", options=options)
+    assert not trackers
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("kind", ["save_map", "save_steady"])
 def test_existing_files_are_kept_and_names_are_looked_at_first(
     clip: Path, surface: Surface, tmp_path: Path, kind: str

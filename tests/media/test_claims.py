@@ -207,6 +207,14 @@ def test_a_closed_folder_is_one_sentence() -> None:
     assert "Errno" not in str(caught.value)
 
 
+def test_a_folder_without_permission_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Root may write anywhere, so the system's word is given here."""
+    monkeypatch.setattr(claims.os, "access", lambda *_: False)
+    with pytest.raises(InputError, match=r"cannot write to the folder .* \(permission denied\)"):
+        Claim(tmp_path / "a.mp4")
+    assert names(tmp_path) == []
+
+
 def test_a_full_disk_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
