@@ -18,6 +18,7 @@ from hdn.state import STATES, State
 
 from .compositing.compositor import open_compositor
 from .errors import InputError
+from .media.claims import Claim
 from .media.live_stream import Stream
 from .media.reader import Frame
 from .media.sinks import StreamWriter
@@ -28,7 +29,7 @@ from .rendering.painting import Painter, check_ad
 from .rendering.presentation import FADE_SECONDS
 from .results import Result, total
 from .scene.conditions import Appearance, Conditions
-from .session import check_output
+from .session import claimed_output
 from .stopping import StopSignal
 from .surface import Moment, Surface
 from .tracking.cuts import CutDetector
@@ -100,11 +101,11 @@ class LiveSession:
         if options.audio in ("ad", "mix"):
             raise InputError("a live output has no sound: leave --audio out")
         output = Path(output) if isinstance(output, str) else output
-        if isinstance(output, Path):
-            check_output(output, options, self.source, *(surface.ad for surface in self.surfaces))
         make_tracker = self._make_tracker or hdn_trackers(tracking)
         cuts, frames, began = CutDetector(), 0, 0.0
         with ExitStack() as stack:
+            inputs = self.source, *(surface.ad for surface in self.surfaces)
+            sink = stack.enter_context(claimed_output(output, options, *inputs)) if isinstance(output, Path) else output
             stream = stack.enter_context(Stream(self.source))
             compositor = stack.enter_context(open_compositor(options.backend))
             targets = []
@@ -112,7 +113,7 @@ class LiveSession:
                 assert surface.quad is not None
                 painter = Painter(surface, surface.quad, (stream.width, stream.height), compositor)
                 targets.append(_Target(surface, make_tracker(), stack.enter_context(painter)))
-            writer = _open_output(output, stream, options)
+            writer = _open_output(sink, stream, options)
             stack.enter_context(writer)
             log.info("live: %dx%d, without sound", stream.width, stream.height)
             show = Stage(self.listen, "live", 0, None)
@@ -210,8 +211,8 @@ class _Target:
             self._opacity = max(0.0, self._opacity - step)
 
 
-def _open_output(output: Path | BinaryIO, stream: Stream, options: OutputOptions) -> VideoWriter | StreamWriter:
-    if not isinstance(output, Path):
+def _open_output(output: Claim | BinaryIO, stream: Stream, options: OutputOptions) -> VideoWriter | StreamWriter:
+    if not isinstance(output, Claim):
         return StreamWriter(output, stream.width, stream.height, stream.rate, stream.time_base)
     return VideoWriter(
         output,
