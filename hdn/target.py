@@ -13,10 +13,10 @@ from .imaging.pyramid import Pyramid
 from .imaging.quads import area, is_convex, side
 from .imaging.regions import EVERYWHERE, Region
 from .networks.engine import Engine
+from .plane.keypoints import PlaneKeypoints
 from .plane.occlusion import Occlusion
 from .plane.plane_map import PlaneMap
 from .proposal import Proposer, Stage
-from .redetection import Redetector
 from .state import BOUNDS
 
 PARTS = 4 * CELLS  # along either side of a target, that are told to be seen or hidden
@@ -52,8 +52,8 @@ class Target:
         quad: (4, 2) its corners in the reference frame, px.
         proposer: HDN's stages.
         refiner: photometric refinement.
-        redetector: its keypoints.
         plane: what surrounds it on the same plane; it learns.
+        keypoints: of both.
         occlusion, occlusion_around: what is seen of the target, and of the plane.
         region: where on its plane tracking may look.
         frame_side: longer side of the frames, px.
@@ -62,8 +62,8 @@ class Target:
     quad: Array
     proposer: Proposer
     refiner: Refiner
-    redetector: Redetector
     plane: PlaneMap
+    keypoints: PlaneKeypoints
     occlusion: Occlusion
     occlusion_around: Occlusion
     region: Region
@@ -87,12 +87,13 @@ class Target:
         around = Occlusion(engine, frame, plane.corners, plane.level.cells)
         if known is not None:
             around.take(plane.texture.picture, plane.texture.known)
+            usable = known if usable is None else usable & known
         return cls(
             quad,
             Proposer(engine, frame, quad, stages),
             refiner,
-            Redetector(frame, quad, usable),
             plane,
+            PlaneKeypoints(frame, quad, plane, usable),
             Occlusion(engine, frame, quad, PARTS),
             around,
             region,
@@ -111,6 +112,7 @@ class Target:
         shown = self.plane.look(frame, homography, learn, blur)
         if texture.takes > known:
             self.occlusion_around.take(texture.picture, texture.known)
+            self.keypoints.take()
         return shown
 
     def corners(self, homography: Array) -> Array:
@@ -154,6 +156,24 @@ class Target:
 
 
 @dataclass(frozen=True)
+class Rest:
+    """For how many frames keypoints are left alone, since they told nothing lately: they take long.
+
+    Attributes:
+        left: from the next frame on.
+        length: of this rest, when it began.
+    """
+
+    left: int = 0
+    length: int = 0
+
+    def longer(self, most: int) -> "Rest":
+        """The rest after one more frame in which they told nothing."""
+        length = min(2 * self.length + 1, most)
+        return Rest(length, length)
+
+
+@dataclass(frozen=True)
 class Pose:
     """Where a target was last, and what the next frame is searched with. Methods return the pose after that frame.
 
@@ -167,6 +187,8 @@ class Pose:
         blur: (2, 2) px^2 of the standard crop, by which the last frame was blurrier than the reference frame.
         seen: (PARTS, PARTS) 0..1, which parts of the target the last frame is known to show.
         seen_around: (n, n) the same of the cells of the plane map; None where that was not looked at.
+        was_hard: whether the target was not found just like that in the last frame.
+        rest: for how long keypoints are left alone.
     """
 
     homography: Array
@@ -178,6 +200,8 @@ class Pose:
     blur: Array = field(default_factory=lambda: NO_BLUR)
     seen: Floats | None = None
     seen_around: Mask | None = None
+    was_hard: bool = False
+    rest: Rest = Rest()
 
     @classmethod
     def known(cls, homography: Array) -> "Pose":

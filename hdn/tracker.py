@@ -194,17 +194,17 @@ class Tracker:
         candidate, is_found = _found(search, pose)
         blur = NO_BLUR
         measured: Array | None = None
+        placed = None if is_found else search.placed
         if is_found:
             speed = target.speed(pose.homography, candidate.homography)
             pose = pose.found(candidate.homography, candidate.covariance, speed)
+            measured = candidate.measured
             if candidate.alignment is not None:
-                blur, measured = candidate.alignment.blur, candidate.alignment.measured
+                blur = candidate.alignment.blur
+        elif placed is not None:
+            pose, blur, measured = pose.not_found(placed.homography, placed.covariance), placed.blur, placed.measured
         elif search.is_lost:
             pose = pose.not_found(pose.homography, pose.covariance)
-        elif search.looks_at_plane and search.expectation.is_measured:
-            expected = search.expectation
-            pose, blur = pose.not_found(expected.homography, expected.covariance), expected.blur
-            measured = None if expected.by_map is None else expected.by_map.measured
         elif is_hint(candidate.evidence):
             pose = pose.not_found(candidate.homography, pose.blind_covariance)
         else:
@@ -212,6 +212,7 @@ class Tracker:
         if target.is_refined:
             around = target.look_around(seen, pose.homography, is_found and not search.is_hard, blur)
             pose = pose.after(seen.grey, blur, search.shown_parts(candidate if is_found else None), around)
+            pose = replace(pose, was_hard=search.is_hard, rest=search.rest)
         self._state = target, pose
         return _estimate(target, pose, search, candidate, is_found, measured)
 

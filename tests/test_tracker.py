@@ -120,6 +120,41 @@ def test_behind_a_bar_that_hides_two_thirds_it_is_still_followed(tracker: Tracke
         assert error(estimate.corners, truth) < 3
 
 
+def test_behind_a_bar_the_plane_leads_and_the_networks_are_spared(
+    tracker: Tracker, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    proposer, asked = tracker.target.proposer, []
+    propose = proposer.propose
+    monkeypatch.setattr(proposer, "propose", lambda *given: asked.append(1) or propose(*given))
+    for step in range(1, 13):
+        truth = moved(scene.quad, (1.5 * step, -step))
+        frame = scene.draw(truth)
+        left = int(truth[0, 0])
+        frame[:, left : left + 60] = (120, 120, 118)
+        assert error(tracker.track(frame).corners, truth) < 2
+    assert len(asked) < 6
+    for _ in range(3):  # once nothing hides it they are back
+        tracker.track(scene.draw(truth))
+    asked.clear()
+    tracker.track(scene.draw(truth))
+    assert asked
+
+
+def test_keypoints_place_a_lost_target_of_which_a_third_is_seen(engine: Engine) -> None:
+    scene = Scene(640, 480, seed=1)
+    scene.quad = scene.quad * 2
+    tracker = Tracker(engine=engine)
+    tracker.init(scene.draw(scene.quad), scene.quad)
+    there = moved(scene.quad, (-70, 60), 0.9, 0.3)
+    tracker.lose()
+    frame = scene.draw(there)
+    left, right = there[:, 0].min(), there[:, 0].max()
+    frame[:, int(left + 0.35 * (right - left)) :] = (120, 120, 118)
+    found = [tracker.track(frame) for _ in range(3)][-1]
+    assert found.state != "lost"
+    assert error(found.corners, there) < 5
+
+
 @pytest.mark.parametrize(
     ("evidence", "fix"),
     [

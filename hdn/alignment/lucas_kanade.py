@@ -37,6 +37,7 @@ class LucasKanade:
     window_ratio: float = 0.1  # half the window of the local normalisation, to the crop's longer side
     margin_px: int = 2  # at the crop's edge, where gradients see what lies outside
     cells_per_block: int = 2  # x 2 cells, a block of which gives its pixels of the strongest gradients
+    worth_leaving_out: float = 0.8  # share of the pixels that have any trust, below which the others are left out
     min_relative_trust: float = 0.5  # to the most trusted cell, for a cell's pixels to tell the noise
     noise_floor: float = 0.05  # of the median pixel's certainty: least deviation of the residuals
     weak_prior: float = 1e-4  # px^-2: information that stands for what was expected, where only what is seen counts
@@ -115,9 +116,9 @@ class Level:
         self._from_unit = np.linalg.inv(self._to_unit)
         self._standard_pixel = 2.0 / standard_side  # in unit coordinates
         self._pixels_per_error = MODEL.pixels_per_error * self._per_standard_pixel**2
-        a, b = (square(1) * 2 * [w, h] / max(w, h)).T
-        one, zero = np.ones(4), np.zeros(4)
-        self.corners = np.stack([warp_jacobian(a, b, one, zero), warp_jacobian(a, b, zero, one)], 1)
+        self.corners = self.motion(transform(self._from_unit, square(1) * 2 * size / max(w, h)))
+        y, x = (np.mgrid[: self.cells, : self.cells] + 0.5) / self.cells
+        self._centres = np.stack([x * self.width, y * self.height], -1) - 0.5
         self._most_points = most_points
         whole = np.full(frame.levels[0].shape[:2], 255, np.uint8) if usable is None else usable
         shown = cv2.warpPerspective(whole, self.to_template, (self.width, self.height), flags=cv2.WARP_INVERSE_MAP)
@@ -171,13 +172,7 @@ class Level:
 
     def in_frame(self, frame: Pyramid, homography: Array) -> Mask:
         """Which of the cells (cells, cells) have their centre in a frame, by a pose (3, 3), template to frame."""
-        y, x = (np.mgrid[: self.cells, : self.cells] + 0.5) / self.cells
-        centres = np.stack([x * self.width, y * self.height], -1) - 0.5
-        to_frame = homography @ self.to_template
-        at = transform(to_frame, centres)
-        is_before = centres @ to_frame[2, :2] + to_frame[2, 2] > 0
-        w, h = frame.size
-        return np.asarray(is_before & ((at > -0.5) & (at < [w - 0.5, h - 0.5])).all(-1))
+        return frame.shows(homography @ self.to_template, self._centres)
 
     def rectify(self, frame: Pyramid, homography: Array) -> Grey:
         """A frame (h, w) as it is compared with the template: rectified by a homography, blurred, normalised."""
@@ -206,6 +201,11 @@ class Level:
         """
         y, x = self._at
         trusted = trust[y * len(trust) // self.height, x * len(trust) // self.width]
+        points, values, certainty, jacobian = self._points, self._values, self._certainty, self._jacobian
+        counts = trusted > 0
+        if counts.mean() < MODEL.worth_leaving_out:  # where much is hidden, what does not count is not looked at
+            trusted = trusted[counts]
+            points, values, certainty, jacobian = (a[counts] for a in (points, values, certainty, jacobian))
         tells_noise = trusted > MODEL.min_relative_trust * trusted.max(initial=0)
         if not tells_noise.any():
             unknown = np.eye(8) / MODEL.weak_prior
@@ -216,19 +216,19 @@ class Level:
         warp = np.eye(3)
         noise_floor = MODEL.noise_floor * float(np.median(self._certainty))
         for _ in range(MODEL.max_steps):
-            at = self._points @ warp.T.astype(np.float32)
+            at = points @ warp.T.astype(np.float32)
             at = at[:, :2] / at[:, 2:]
             seen = cv2.remap(
                 search, at[:, None], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=MODEL.outside
             )
-            error = seen[:, 0] - self._values
-            certain = error * self._certainty
+            error = seen[:, 0] - values
+            certain = error * certainty
             noise = max(MAD_TO_DEVIATION * _median(np.abs(certain[tells_noise])), noise_floor)
-            weight = tukey(certain / noise) * trusted * np.square(self._certainty)
-            weighted = self._jacobian * weight[:, None]
+            weight = tukey(certain / noise) * trusted * np.square(certainty)
+            weighted = jacobian * weight[:, None]
             # What the visible part cannot tell stays near what is expected.
             scale = self._pixels_per_error * noise**2
-            hessian = (weighted.T @ self._jacobian).astype(np.float64) + scale * information
+            hessian = (weighted.T @ jacobian).astype(np.float64) + scale * information
             right = (weighted.T @ error).astype(np.float64)
             right += scale * (information @ self._parameters(warp) - weighted_mean)
             step = np.linalg.solve(hessian, right)
@@ -302,6 +302,21 @@ class Level:
         """How far a warp (3, 3) moves the crop's corners along x or y, at most, px of the standard crop."""
         corners = outline(self.width, self.height)
         return float(np.abs(transform(warp, corners) - corners).max()) / self._per_standard_pixel
+
+    def motion(self, points: Array) -> Array:
+        """How points (N, 2) of the crop move with the eight parameters, (N, 2, 8); both in px of the standard crop."""
+        u, v = transform(self._to_unit, points).T
+        one, zero = np.ones(len(points)), np.zeros(len(points))
+        return np.stack([warp_jacobian(u, v, one, zero), warp_jacobian(u, v, zero, one)], 1)
+
+    def parameters(self, warp: Array) -> Array:
+        """The eight parameters of a warp (3, 3) of the crop, px at the edge of the standard crop."""
+        return self._parameters(warp) / self._standard_pixel
+
+    def warp(self, parameters: Array) -> Array:
+        """The warp (3, 3) of eight parameters: the inverse of `parameters`."""
+        unit = np.append(parameters * self._standard_pixel, 0).reshape(3, 3) + np.eye(3)
+        return normalised(self._from_unit @ unit @ self._to_unit)
 
     def _parameters(self, warp: Array) -> Array:
         """The eight parameters of a warp (3, 3), in centred and scaled coordinates: the difference to the identity."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..imaging.arrays import Array, Floats, Grey, Image, Mask
 from ..imaging.blur import relative_blur, spectral_blur
-from ..imaging.homography import derivative, transform
+from ..imaging.homography import derivative, normalised, transform
 from ..imaging.observation import Observation
 from ..imaging.quads import outline, side
 from .agreement import CELLS, Agreement, cell_means
@@ -251,6 +251,35 @@ class Refiner:
         stretch = derivative(homography @ level.to_template, outline(level.width, level.height))
         motion = np.einsum("cij,cjp->cip", stretch, level.corners).reshape(8, 8)
         return np.asarray(motion @ covariance @ motion.T)
+
+    def information(self, homography: Array, points: Array, variance: float) -> Array:
+        """Information (8, 8) on a pose, to a covariance as an alignment tells it, of points that are matched there.
+
+        Args:
+            homography: (3, 3) the pose, template to frame.
+            points: (N, 2) px of the template.
+            variance: px^2 of the frame, of a coordinate of a point there.
+        """
+        at = transform(np.asarray(self._standard.from_template, np.float64), points)
+        stretch = derivative(homography @ self._standard.to_template, at)
+        motion = np.einsum("nij,njp->nip", stretch, self._standard.motion(at)).reshape(-1, 8)
+        return np.asarray(motion.T @ motion / variance)
+
+    def combined(
+        self, homography: Array, covariance: Array, other: Array, other_covariance: Array
+    ) -> tuple[Array, Array, float]:
+        """Two estimates of one pose, (3, 3) with their covariances (8, 8), as one.
+
+        Returns:
+            Its homography and covariance, and the squared Mahalanobis distance between the two.
+        """
+        level = self._standard
+        apart = level.parameters(level.from_template @ np.linalg.inv(homography) @ other @ level.to_template)
+        gain = covariance @ np.linalg.inv(covariance + other_covariance)
+        pose = normalised(homography @ level.to_template @ level.warp(gain @ apart) @ level.from_template)
+        joint = covariance - gain @ covariance
+        distance = float(apart @ np.linalg.inv(covariance + other_covariance) @ apart)
+        return pose, (joint + joint.T) / 2, distance
 
     def agreement(self, frame: Observation, homography: Array) -> Agreement:
         """Compares a frame, rectified by a homography (3, 3), with the template."""

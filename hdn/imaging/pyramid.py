@@ -3,7 +3,8 @@
 import cv2
 import numpy as np
 
-from .arrays import Array, Image
+from .arrays import Array, Image, Mask
+from .homography import transform
 
 MIN_HALVED_SIDE = 32  # px: a level whose shorter side is less is not halved again
 MAX_REDUCTION = 2**16  # crops that look at more of the frame than this, px a pixel, are degenerate
@@ -32,10 +33,22 @@ class Pyramid:
 
     def at_most(self, longest: int) -> tuple[Image, float]:
         """The largest level whose longer side is at most so many px, and its reduction."""
-        index = 0
-        while max(self.size) / 2**index > longest:
-            index += 1
-        return self.level(index)
+        return self.reduced(max(self.size) / longest)
+
+    def reduced(self, ratio: float) -> tuple[Image, float]:
+        """The largest level that is reduced by a ratio at least, as far as it can be, and the reduction reached."""
+        return self.level(max(0, int(np.ceil(np.log2(max(ratio, 1))))))
+
+    def shows(self, to_frame: Array, points: Array, margin: float = -0.5) -> Mask:
+        """Which points (..., 2) of a plane lie in the frame, by a homography (3, 3) to it, and before the camera.
+
+        Args:
+            margin: px that a point has to be away from the centres of the frame's outermost pixels.
+        """
+        depth = points @ to_frame[2, :2] + to_frame[2, 2]
+        at = transform(to_frame, points)
+        is_inside = ((at >= margin) & (at <= np.array(self.size) - 1 - margin)).all(-1)
+        return np.asarray((depth > 0) & is_inside)
 
     def crop(self, crop_to_frame: Array, width: int, height: int, fill: tuple[float, ...] | None = None) -> Image:
         """A crop (height, width, ...) whose pixels look into the frame through a homography.

@@ -60,41 +60,53 @@ class Step(NamedTuple):
     covariance: Array
     agreement: float
 
+    @property
+    def is_sure(self) -> bool:
+        """Whether so much agrees that no other step can be the right one."""
+        return self.agreement > MODEL.sure_agreement
 
-def plane_step(
-    plane: PlaneMap, before: Pyramid, after: Pyramid, corners: Array, trust: Floats, starts: Iterable[Array]
-) -> Step | None:
-    """Measures the plane's motion from one grey frame to the next.
 
-    Args:
+class StepSearch:
+    """The measurement of a plane's motion from one grey frame to the next, from starts that are likely.
+
+    Example:
+        step = StepSearch(plane, before, after, corners, trust).best([np.eye(3)])
+    """
+
+    def __init__(self, plane: PlaneMap, before: Pyramid, after: Pyramid, corners: Array, trust: Floats) -> None:
+        """Args:
         plane: the target's map, for its layout.
         before, after: grey pyramids of the two frames.
         corners: (4, 2) the target in the frame before, px.
         trust: (m, m) 0..1, which parts of the map the frame before is known to show.
-        starts: (3, 3) each, motions that are likely; the best one counts.
+        """
+        self._after, self._corners = after, corners
+        self._trust, margin = _without_empty_rim(trust, plane.margin)
+        self._levels = [
+            Level(before, corners, plane.size(side), MODEL.blur_px, plane.standard_side, points, margin)
+            for side, points in zip(MODEL.sides_px, MODEL.points, strict=True)
+        ]
 
-    Returns:
-        None where too little is seen in both frames, or does not move as a plane.
-    """
-    trust, margin = _without_empty_rim(trust, plane.margin)
-    levels = [
-        Level(before, corners, plane.size(side), MODEL.blur_px, plane.standard_side, points, margin)
-        for side, points in zip(MODEL.sides_px, MODEL.points, strict=True)
-    ]
-    best: Step | None = None
-    for start in starts:
-        found = _aligned(levels, after, start, trust)
-        if found is None or not is_convex(transform(found.homography, corners)):
-            continue
-        if best is None or found.agreement > best.agreement:
-            best = found
-        if best.agreement > MODEL.sure_agreement:
-            break
-    return best
+    def best(self, starts: Iterable[Array], so_far: Step | None = None) -> Step | None:
+        """The best step from motions (3, 3) that are likely, and the one so far.
+
+        Returns:
+            None where too little is seen in both frames, or does not move as a plane.
+        """
+        best = so_far
+        for start in starts:
+            if best is not None and best.is_sure:
+                break
+            found = _aligned(self._levels, self._after, start, self._trust)
+            if found is None or not is_convex(transform(found.homography, self._corners)):
+                continue
+            if best is None or found.agreement > best.agreement:
+                best = found
+        return best
 
 
 def _aligned(levels: Sequence[Level], frame: Pyramid, start: Array, trust: Floats) -> Step | None:
-    """A step from one start; see `plane_step`."""
+    """A step from one start; see `StepSearch`."""
     count = levels[0].cells
     trusted = np.asarray(cv2.resize(trust, (count, count), interpolation=cv2.INTER_AREA), np.float32)
     pose, covariance = start, START_COVARIANCE

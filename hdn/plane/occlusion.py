@@ -6,11 +6,12 @@ import numpy as np
 from ..imaging.arrays import Array, Floats, Image, Mask
 from ..imaging.homography import from_corners
 from ..imaging.observation import Observation
-from ..imaging.quads import square
+from ..imaging.quads import outline, square
 from ..networks.config import MATTE_SIZE
 from ..networks.engine import Engine
 
 MIN_KNOWN = 0.99  # share of a pixel of the template
+PIXELS: Array = np.stack(np.meshgrid(*[np.arange(float(MATTE_SIZE))] * 2), -1)  # (n, n, 2) of a crop
 
 
 class Occlusion:
@@ -46,7 +47,7 @@ class Occlusion:
 
     def _inside(self, frame: Observation, homography: Array) -> Image:
         """(n, n) 255 at the crop's pixels that lie in a frame, else 0."""
-        whole = np.full(frame.image.shape[:2], 255, np.uint8)
         to_frame = homography @ self._to_reference
-        inside = cv2.warpPerspective(whole, to_frame, (MATTE_SIZE, MATTE_SIZE), flags=cv2.WARP_INVERSE_MAP)
-        return np.asarray(inside, np.uint8)
+        if frame.colour.shows(to_frame, outline(MATTE_SIZE, MATTE_SIZE)).all():
+            return np.full((MATTE_SIZE, MATTE_SIZE), 255, np.uint8)
+        return np.where(frame.colour.shows(to_frame, PIXELS), 255, 0).astype(np.uint8)

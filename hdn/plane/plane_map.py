@@ -304,9 +304,7 @@ class PlaneMap:
         y, x = np.mgrid[: n + 1, : n + 1] / n
         corners = np.stack([x * level.width, y * level.height], -1) - 0.5
         to_frame = homography @ level.to_template
-        at, margin = transform(to_frame, corners), MODEL.frame_margin_px
-        is_in = (corners @ to_frame[2, :2] + to_frame[2, 2] > 0) & (at >= margin).all(-1)
-        is_in &= (at <= np.array(frame.colour.size) - 1 - margin).all(-1)
+        is_in = frame.colour.shows(to_frame, corners, MODEL.frame_margin_px)
         return np.asarray(is_in[1:, 1:] & is_in[1:, :-1] & is_in[:-1, 1:] & is_in[:-1, :-1])
 
     def _pixels(self, cells: NDArray[Value]) -> NDArray[Value]:
@@ -318,6 +316,11 @@ class PlaneMap:
         """Which cells (n, n) around the target some of is not known, though it may be looked at."""
         missing = cell_means((self._allowed & ~self.texture.known).astype(np.float32), self.level.cells) > 0
         return np.asarray(missing & self._around)
+
+    @property
+    def tells(self) -> bool:
+        """Whether enough around the target lies on its plane for a pose to be told by it."""
+        return int(self._is_trusted.sum()) >= MODEL.min_cells
 
     @property
     def _is_trusted(self) -> Mask:

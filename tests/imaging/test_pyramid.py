@@ -36,3 +36,12 @@ def test_outside_is_filled() -> None:
 def test_small_and_odd_frames() -> None:
     crop = Pyramid(ramp(37, 21)).crop(similarity(40.0, 0.0, 0.0, 0.0), 8, 8)
     assert crop.shape == (8, 8, 3)
+
+
+def test_which_points_a_frame_shows() -> None:
+    frame = Pyramid(ramp(64, 48))
+    points = np.array([[-0.4, 0], [-0.6, 0], [63.4, 47.4], [63.6, 20], [20, 20]])
+    assert frame.shows(np.eye(3), points).tolist() == [True, False, True, False, True]
+    assert frame.shows(np.eye(3), points, margin=2).tolist() == [False, False, False, False, True]
+    behind = np.array([[1.0, 0, 0], [0, 1, 0], [-0.1, 0, 1]])  # x beyond 10 lies behind the camera
+    assert frame.shows(behind, np.array([[5.0, 5], [-15, -15], [15, 5]])).tolist() == [True, False, False]

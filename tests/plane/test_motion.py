@@ -9,7 +9,7 @@ from hdn.imaging.arrays import Array, Floats, Image
 from hdn.imaging.homography import transform, translation
 from hdn.imaging.observation import Observation
 from hdn.imaging.pyramid import Pyramid
-from hdn.plane.motion import LEAST_COVARIANCE, Step, plane_step
+from hdn.plane.motion import LEAST_COVARIANCE, Step, StepSearch
 from hdn.plane.plane_map import PlaneMap
 
 from ..scenes import error
@@ -50,7 +50,7 @@ def test_a_step_between_blurred_frames_while_a_bar_moves_otherwise(wall: Wall) -
     first[:, 260:410], second[:, 280:430] = stripes, stripes  # over most of the poster, to the right; it goes left
     before, after = (grey(streaked(frame, 21)) for frame in (first, second))
     corners = transform(BEFORE, POSTER)
-    step = plane_step(plane, before, after, corners, whole(plane), [np.eye(3)])
+    step = StepSearch(plane, before, after, corners, whole(plane)).best([np.eye(3)])
     assert step is not None
     assert error(corners, transform(AFTER, POSTER)) > 9
     assert step_error(step, BEFORE, AFTER) < 1
@@ -62,8 +62,10 @@ def test_the_best_of_several_starts_counts(wall: Wall) -> None:
     views = grey(wall.view(BEFORE)), grey(wall.view(far))
     corners = transform(BEFORE, POSTER)
     near = translation(3, -2) @ motion(BEFORE, far)
-    assert plane_step(plane, *views, corners, whole(plane), [np.eye(3)]) is None
-    step = plane_step(plane, *views, corners, whole(plane), [np.eye(3), near])
+    steps = StepSearch(plane, *views, corners, whole(plane))
+    assert steps.best([np.eye(3)]) is None
+    step = steps.best([np.eye(3), near])
+    assert steps.best([np.eye(3)], step) is step
     assert step is not None
     assert step_error(step, BEFORE, far) < 0.3
 
@@ -76,7 +78,7 @@ def test_only_trusted_parts_count(wall: Wall) -> None:
     corners = transform(BEFORE, POSTER)
     trust = whole(plane)
     trust[:, : trust.shape[1] // 2 + 2] = 0
-    step = plane_step(plane, grey(first), grey(second), corners, trust, [np.eye(3)])
+    step = StepSearch(plane, grey(first), grey(second), corners, trust).best([np.eye(3)])
     assert step is not None
     assert step_error(step, BEFORE, AFTER) < 0.6
 
@@ -85,9 +87,9 @@ def test_nothing_is_told_where_nothing_is_seen_in_both(wall: Wall) -> None:
     plane = mapped(wall, BEFORE)
     first, corners = wall.view(BEFORE), transform(BEFORE, POSTER)
     other = Wall(seed=500).view(BEFORE)
-    assert plane_step(plane, grey(first), grey(other), corners, whole(plane), [np.eye(3)]) is None
-    assert plane_step(plane, grey(first), grey(first), corners, 0 * whole(plane), [np.eye(3)]) is None
-    assert plane_step(plane, grey(first), grey(first), corners, whole(plane), []) is None
+    assert StepSearch(plane, grey(first), grey(other), corners, whole(plane)).best([np.eye(3)]) is None
+    assert StepSearch(plane, grey(first), grey(first), corners, 0 * whole(plane)).best([np.eye(3)]) is None
+    assert StepSearch(plane, grey(first), grey(first), corners, whole(plane)).best([]) is None
 
 
 def test_the_covariance_of_a_step_is_honest(wall: Wall) -> None:
@@ -101,7 +103,7 @@ def test_the_covariance_of_a_step_is_honest(wall: Wall) -> None:
     for i in range(12):
         after = camera(498 + 0.7 * i, 362 - 0.6 * i)
         views = (grey(wall.view(pose, noise=10)) for pose in (BEFORE, after))
-        step = plane_step(plane, *views, quad, trust, [motion(BEFORE, after)])
+        step = StepSearch(plane, *views, quad, trust).best([motion(BEFORE, after)])
         assert step is not None
         told.append(refiner.deviation(step.homography, step.covariance - LEAST_COVARIANCE))
         erred.append(step_error(step, BEFORE, after))
