@@ -26,6 +26,9 @@ class TrackingModel:
     """Constants of what is done and told while a target is not found."""
 
     search_after_frames: int = 2  # without a fix, after which the whole frame is searched
+    # While the plane tells where the target is, that is done once in so many frames: an odd number, since what searches
+    # changes from frame to frame.
+    placed_interval: int = 3
     unfound_confidence: float = 0.5  # factor on the confidence in a pose that is no fix
     lost_variance_ratio: float = 100.0  # to that of a start of which nothing is known: of a pose after a cut
 
@@ -226,7 +229,8 @@ def _found(search: FrameSearch, pose: Pose) -> tuple[Candidate, bool]:
     """The best candidate of a frame, and whether it shows the target; if so, it is finely aligned."""
     candidate = search.nearby()
     is_found = search.is_found(candidate)
-    if not is_found and pose.missed >= MODEL.search_after_frames:
+    is_due = search.placed is None or pose.missed % MODEL.placed_interval == 0
+    if not is_found and pose.missed >= MODEL.search_after_frames and is_due:
         elsewhere = search.anywhere()
         if search.is_found(elsewhere) and is_sure_fix(elsewhere.evidence):
             candidate, is_found = elsewhere, True

@@ -7,6 +7,7 @@ from hdn import InputError, Tracker
 from hdn.evidence import Evidence, is_fix
 from hdn.imaging.arrays import Image
 from hdn.imaging.homography import from_corners
+from hdn.localisation import FrameSearch
 from hdn.networks.engine import Engine
 
 from .scenes import Scene, error, moved, path
@@ -65,6 +66,18 @@ def test_stays_put_while_only_its_wall_is_seen_and_finds_it_again(tracker: Track
     found = [tracker.track(scene.draw(there)) for _ in range(3)][-1]
     assert found.state == "tracked"
     assert error(found.corners, there) < 1.0
+
+
+def test_while_its_wall_tells_where_it_is_the_whole_frame_is_searched_now_and_then(
+    tracker: Tracker, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for _ in range(4):
+        tracker.track(scene.draw(scene.quad))
+    searched, anywhere = [], FrameSearch.anywhere
+    monkeypatch.setattr(FrameSearch, "anywhere", lambda search: searched.append(1) or anywhere(search))
+    for _ in range(12):
+        tracker.track(scene.draw(None))
+    assert 2 <= len(searched) <= 5
 
 
 def test_a_wall_that_it_moves_before_does_not_tell_where_it_is(tracker: Tracker, scene: Scene) -> None:
