@@ -84,7 +84,7 @@ class Target:
         usable = None if region.is_everywhere else region.mask(width, height)
         refiner = Refiner(frame, quad, usable)
         plane = PlaneMap(frame, quad, refiner.standard_side, region, known)
-        around = Occlusion(engine, frame, plane.corners, plane.level.cells)
+        around = Occlusion(engine.matte, frame, plane.corners, plane.level.cells)
         if known is not None:
             around.take(plane.texture.picture, plane.texture.known)
             usable = known if usable is None else usable & known
@@ -94,7 +94,7 @@ class Target:
             refiner,
             plane,
             PlaneKeypoints(frame, quad, plane, usable),
-            Occlusion(engine, frame, quad, PARTS),
+            Occlusion(engine.matte, frame, quad, PARTS, framed=True),
             around,
             region,
             max(width, height),

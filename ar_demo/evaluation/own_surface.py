@@ -38,6 +38,7 @@ class OwnSurfaceModel:
 
     oversampling: float = 2.0  # pixels of the picture to a pixel of the frame that it is taken from
     view_px: int = 96  # side of the rectified views
+    usual_share: float = 0.8  # of the pixels, those that change least: what moves is no noise
 
 
 MODEL = OwnSurfaceModel()
@@ -127,13 +128,14 @@ def _view(frame: Image, corners: Array) -> Floats:
 
 
 def _noise(views: list[tuple[Floats, Floats] | None]) -> float:
-    """The median change against the mean of the frames before and after, the composite's over the clip's."""
+    """The usual change against the mean of the frames before and after, the composite's over the clip's."""
     changes: list[list[float]] = [[], []]
     for before, now, after in ((a, b, c) for (a, b), (_, c) in pairwise(pairwise(views))):
         if before is None or now is None or after is None:
             continue
         for kind in range(2):
-            changes[kind].append(float(np.median(np.abs(now[kind] - (before[kind] + after[kind]) / 2))))
+            change = np.abs(now[kind] - (before[kind] + after[kind]) / 2)
+            changes[kind].append(float(change[change <= np.quantile(change, MODEL.usual_share)].mean()))
     source, composite = (float(np.mean(c)) if c else np.nan for c in changes)
     return composite / source if source > 0 else np.nan
 

@@ -12,9 +12,12 @@ from hdn.alignment.agreement import cell_means
 from hdn.imaging.arrays import Array, Floats, Grey, Image
 from hdn.imaging.blur import blurred, equalising_blurs, relative_blur, spectral_blur
 from hdn.imaging.homography import derivative, from_corners, transform, translation
+from hdn.imaging.observation import Observation
 from hdn.imaging.pyramid import Pyramid
 from hdn.imaging.quads import is_drawable, outline
+from hdn.networks.config import MATTE_SURFACE
 from hdn.networks.matte import Matte
+from hdn.plane.occlusion import Occlusion
 
 from . import light as relighting
 from . import occlusion
@@ -108,7 +111,7 @@ class Appearance:
         self._template, _ = self._rectify(self._reference, quad)
         self._small_template = self._halved(grey(self._template))
         self._towards_edge = cv2.createHanningWindow(self._small_template.shape[::-1], cv2.CV_32F)
-        self._matte, self._square_template = matte, _square(self._template)
+        self._occlusion = Occlusion(matte, Observation(reference), quad, Matte.size, framed=True)
         self._degrees = shutter
         self._grain = GrainMeter() if grain else None
         self.forget()
@@ -160,7 +163,7 @@ class Appearance:
         crop_to_frame = from_corners(self._outline, pose)
         scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
         slack = min(deviation, MODEL.unknown_deviation_px) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
-        seen = self._seen(view, inside)
+        seen = self._seen(frame, pose) * inside
         hidden = occlusion.find((1 - seen) * inside)
         way, streak = self._streak(view, inside, motion, np.asarray(np.linalg.inv(scale), np.float64))
         template = _blurred(self._template, streak)
@@ -215,10 +218,13 @@ class Appearance:
         telling = textured & (cell_means(inside) > BLUR.min_cell_in_frame)
         return float(np.median(correlation[telling])) if telling.any() else -1.0
 
-    def _seen(self, view: Floats, inside: Grey) -> Floats:
+    def _seen(self, frame: Image, pose: Array) -> Floats:
         """How probably each pixel (h, w) of the crop shows the surface, 0..1; 0 outside the frame."""
-        seen = self._matte(_square(view), self._square_template, _square(255 * inside))
-        return cv2.resize(seen, (self._width, self._height), interpolation=cv2.INTER_LINEAR) * inside
+        around = pose.mean(0) + (pose - pose.mean(0)) / MATTE_SURFACE
+        part = _Box(frame, around)
+        to_part = part.to_box @ from_corners(self._quad, pose)
+        seen = self._occlusion.seen(Observation(part.image), to_part)
+        return np.asarray(cv2.resize(seen, (self._width, self._height), interpolation=cv2.INTER_LINEAR), np.float32)
 
     def _streak(self, view: Floats, inside: Grey, motion: Array, to_crop: Array) -> tuple[Array, Array]:
         """The way (4, 2) px of the corners while the shutter is open, and the blur (2, 2) of that, px^2 of the crop."""
@@ -312,12 +318,6 @@ class _Box:
         self.image = frame[self.box]
         self.whole = bool((quad >= 0).all() and (quad <= bounds - 1).all())
         self.to_box = translation(-low[0], -low[1])
-
-
-def _square(crop: Floats) -> Image:
-    """A crop (h, w, ...) of grey levels as the matte network takes it, (128, 128, ...)."""
-    size = Matte.size, Matte.size
-    return np.asarray(cv2.resize(crop, size, interpolation=cv2.INTER_AREA).round().clip(0, 255), np.uint8)
 
 
 def _blurred(image: Floats, covariance: Array) -> Floats:

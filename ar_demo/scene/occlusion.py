@@ -13,11 +13,12 @@ class OcclusionModel:
     """The constants by which what hides a surface is found and cut out; all set by trial."""
 
     # Where it is: as the matte tells, with two thresholds (Canny, 1986).
-    likely: float = 0.2  # probability from which a pixel is hidden, where it is connected with one that is surely so
+    likely: float = 0.1  # probability from which a pixel is hidden, where it is connected with one that is surely so
     sure: float = 0.5
     min_sure_share: float = 0.002  # of the surface that must be surely hidden
     # Its edge.
-    edge_share: float = 0.05  # half the width that a soft edge may have, share of the crop's longer side
+    edge_share: float = 0.02  # half the width that a soft edge may have, share of the crop's longer side
+    outline_px: float = 1.0  # of the crop, over which an edge is soft where colours do not tell
     edge_blur_px: float = 1.5  # px of the frame, over which neighbours tell an edge's softness together
     mixture_grey: float = 30.0  # between occluder and surface, from which their mixture tells more than the outline
     min_edge_weight: float = 1e-2  # of an occluder's own colour where all of it is edge
@@ -70,7 +71,8 @@ class Outline:
         reach = max(1, round(MODEL.edge_share * max(hidden.shape)))
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
         inner, outer = cv2.erode(hidden, disc), cv2.dilate(hidden, disc)
-        least, most, guess = (cv2.GaussianBlur(mask, (0, 0), reach / 2) for mask in (inner, outer, hidden))
+        least, most = (cv2.GaussianBlur(mask, (0, 0), reach / 2) for mask in (inner, outer))
+        guess = cv2.GaussianBlur(hidden, (0, 0), MODEL.outline_px)
         # Its colour at the edge is that of what is surely the occluder nearby.
         sure = cv2.max(inner, MODEL.min_edge_weight * hidden)
         weight = cv2.GaussianBlur(sure, (0, 0), reach)

@@ -64,5 +64,6 @@ PAPER = Config(
 )
 
 MATTE_SIZE = 128  # px of the square crops that the matte network compares
+MATTE_SURFACE = 0.8  # share of a crop's side that a surface takes where what is around it is looked at as well
 
 CONFIGS = {config.name: config for config in (COMPACT, PAPER)}

@@ -72,8 +72,8 @@ def matte_models(network: matte_network.MatteNetwork) -> Models:
     """The matte network, of crops of its size."""
     n = MATTE_SIZE
     crop, known = torch.zeros(1, n, n, 3, dtype=torch.uint8), torch.zeros(1, n, n, dtype=torch.uint8)
-    model = convert(matte_network.OfCrops(network), crop, crop, known)
-    model.reshape({i: list(x.shape) for i, x in enumerate((crop, crop, known))})
+    model = convert(matte_network.OfCrops(network), crop, crop, known, known)
+    model.reshape({i: list(x.shape) for i, x in enumerate((crop, crop, known, known))})
     fold(model)
     return {MATTE: model}
 

@@ -92,14 +92,14 @@ class Engine:
         outputs = self.functions.compare(template, crop[None])
         return Residual(*self.functions.conclude(*outputs))
 
-    def matte(self, frame: Image, template: Image, valid: Image | None = None) -> Floats:
+    def matte(self, frame: Image, template: Image, valid: Image | None = None, around: Image | None = None) -> Floats:
         """How probably each pixel of a rectified frame crop shows the surface, see `Matte`; (128, 128), 0 to 1.
 
         Its network, the shipped one whatever the weights of the others, is read when first asked for.
         """
         from .loading import shared_matte
 
-        return shared_matte(self.device)(frame, template, valid)
+        return shared_matte(self.device)(frame, template, valid, around)
 
 
 def survey_size(length: float) -> int:

@@ -21,7 +21,9 @@ class Matte:
         """Args: description: what runs it, as the log says it."""
         self.function, self.description = function, description
 
-    def __call__(self, frame: Image, template: Image, valid: Image | None = None) -> Floats:
+    def __call__(
+        self, frame: Image, template: Image, valid: Image | None = None, around: Image | None = None
+    ) -> Floats:
         """How probably each pixel shows the surface, and not something in front: (n, n) of 0 to 1.
 
         Args:
@@ -29,13 +31,16 @@ class Matte:
                 They may differ in light and blur, and lie a few px beside each other.
             valid: (n, n), not 0 where both are known: within the frame, and seen before. None: everywhere. Where they
                 are not, what they show does not matter, and the result is 0.
+            around: (n, n), not 0 where beyond that the frame is known, which tells what comes in from there. None:
+                nowhere.
 
         Raises:
             ValueError: a crop is not n = 128 px large.
         """
         n = self.size
         known = np.full((n, n), 255, np.uint8) if valid is None else valid
-        for crop, shape in ((frame, (n, n, 3)), (template, (n, n, 3)), (known, (n, n))):
+        beside = np.zeros((n, n), np.uint8) if around is None else around
+        for crop, shape in ((frame, (n, n, 3)), (template, (n, n, 3)), (known, (n, n)), (beside, (n, n))):
             if crop.shape != shape or crop.dtype != np.uint8:
                 raise ValueError(f"a crop for the matte is {crop.dtype} {crop.shape}: make it uint8 {shape}")
-        return self.function(*(np.ascontiguousarray(crop)[None] for crop in (frame, template, known)))[0][0]
+        return self.function(*(np.ascontiguousarray(crop)[None] for crop in (frame, template, known, beside)))[0][0]

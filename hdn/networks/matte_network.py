@@ -18,7 +18,7 @@ from .weights import MATTE, architecture
 WIDTHS = (24, 32, 48, 64, 64)  # channels at strides 2, 4, 8, 16, 32
 FINE = 12  # channels at stride 1, where the outline is drawn
 NOISE = 6.0  # grey levels that standard deviations are taken to have at least: without texture there is noise
-INPUTS = 21  # channels of `compared`
+INPUTS = 25  # channels of `compared`
 
 
 class MatteNetwork(nn.Module):
@@ -35,9 +35,14 @@ class MatteNetwork(nn.Module):
         self.enlarge = nn.Conv2d(WIDTHS[0], FINE, 1)
         self.draw = nn.Sequential(_conv(INPUTS + FINE, FINE, 3), nn.Conv2d(FINE, 1, 3, padding=1))
 
-    def forward(self, frame: Tensor, template: Tensor, valid: Tensor) -> Tensor:
-        """Rectified RGB crops (B, 3, n, n), 0..255, and where both are known (B, 1, n, n), 0 or 1: (B, 1, n, n)."""
-        inputs = compared(frame, template, valid)
+    def forward(self, frame: Tensor, template: Tensor, valid: Tensor, around: Tensor) -> Tensor:
+        """Logits (B, 1, n, n) of rectified RGB crops (B, 3, n, n), 0..255.
+
+        Args:
+            valid: (B, 1, n, n), 0 or 1: where both are known.
+            around: (B, 1, n, n), 0 or 1: beyond that, where the frame is: what is in front mostly comes from there.
+        """
+        inputs = compared(frame, template, valid, around)
         x, skipped = self.stem(inputs), []  # (B, 24, n / 2, n / 2)
         for block, shrink in zip(self.encode, self.shrink, strict=False):
             x = block(x)
@@ -50,17 +55,17 @@ class MatteNetwork(nn.Module):
         return self.draw(torch.cat([inputs, x], 1))
 
 
-def compared(frame: Tensor, template: Tensor, valid: Tensor) -> Tensor:
-    """What the network looks at, (B, 21, n, n): the crops and their difference as they are, and free of light.
+def compared(frame: Tensor, template: Tensor, valid: Tensor, around: Tensor) -> Tensor:
+    """What the network looks at, (B, 25, n, n): the crops and their difference as they are, and free of light.
 
     Each is there once in grey levels, once standardised over the crop, which a change of exposure leaves as it is, and
-    in grey standardised over a window about each pixel, which shadows leave as they are.
+    in grey standardised over a window about each pixel, which shadows leave as they are; the frame also around them.
     """
     raw = torch.cat([frame - 128, template - 128, (frame - template).abs()], 1) / 64
     one, other = _standardised(frame, valid), _standardised(template, valid)
     grey = torch.cat([frame.mean(1, keepdim=True), template.mean(1, keepdim=True)], 1)
     channels = [raw, valid, one, other, (one - other).abs(), _locally_standardised(grey, valid)]
-    return torch.cat(channels, 1) * valid
+    return torch.cat([torch.cat(channels, 1) * valid, around, one * around], 1)
 
 
 def _standardised(crops: Tensor, valid: Tensor) -> Tensor:
@@ -92,11 +97,11 @@ class OfCrops(nn.Module):
         super().__init__()
         self.network = network
 
-    def forward(self, frame: Tensor, template: Tensor, valid: Tensor) -> tuple[Tensor]:
-        """Args: valid: uint8 (1, n, n), not 0 where both crops are known; it is 0 elsewhere in what is returned."""
-        known = (valid > 0).float().unsqueeze(1)
+    def forward(self, frame: Tensor, template: Tensor, valid: Tensor, around: Tensor) -> tuple[Tensor]:
+        """Args: valid, around: uint8 (1, n, n), not 0 for true; what is returned is 0 where nothing is valid."""
+        known, beside = ((mask > 0).float().unsqueeze(1) for mask in (valid, around))
         crops = (crop.permute(0, 3, 1, 2).float() for crop in (frame, template))
-        return ((self.network(*crops, known).sigmoid() * known).squeeze(1),)
+        return ((self.network(*crops, known, beside).sigmoid() * known).squeeze(1),)
 
 
 def save(network: nn.Module, path: Path, notes: dict[str, str]) -> None:

@@ -6,14 +6,15 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from ..networks.config import MATTE_SURFACE
 from ..networks.geometry import dlt, project
-from .drawings import paper, with_shapes
+from .drawings import colours, paper, with_shapes
 from .lighting import shine
 from .looks import blur, coarsen, code, relight
 from .occluders import edges, laid_over
 from .photos import Photos, pixel_grid, random_photos
-from .shapes import Outlines
-from .views import rectified, uniform
+from .shapes import Outlines, smooth_noise
+from .views import placed, random_view, rectified, uniform
 
 CANVAS, SCALE = 192, 1.25  # px of the square that a surface is drawn on; of them for a pixel of the crop
 
@@ -32,6 +33,7 @@ class MattePairs:
     light: float = 1.0  # strength of the light that varies over the surface
     far: float = 0.2  # off by 1.2 to 4 px of the crop; the others by 0 to 1.2
     cut: float = 0.2  # partly beyond the frame's border, or not known in the template
+    framed: float = 0.6  # the surface ends within the crop, and other things around it, of the frame alone, are seen
 
 
 @dataclass
@@ -39,6 +41,7 @@ class MatteBatch:
     frame: Tensor  # (B, 3, n, n), 0..255
     template: Tensor  # (B, 3, n, n), 0..255
     valid: Tensor  # (B, 1, n, n), 0 or 1: frame and template are both known
+    around: Tensor  # (B, 1, n, n), 0 or 1: beyond that, the frame is known
     seen: Tensor  # (B, 1, n, n), 0..1: share of the pixel that shows the surface
 
 
@@ -51,7 +54,11 @@ def matte_batch(photos: Photos, batch: int, size: int, pairs: MattePairs) -> Mat
     far = torch.rand(batch, device=device) < pairs.far
     off = torch.where(far, uniform(batch, 1.2, 4, device), uniform(batch, 0, 1.2, device))
     negative = torch.rand(batch, 1, 1, 1, device=device) < pairs.negative
-    frame = resampled(torch.where(negative, canvas.roll(1, 0), canvas), motion(batch, size, off), size)
+    framed = torch.rand(batch, 1, 1, 1, device=device) < pairs.framed
+    shown = torch.where(negative, canvas.roll(1, 0), canvas)
+    beside = framed & ~inner(CANVAS, SCALE * MATTE_SURFACE * size, device)
+    shown = torch.where(beside, surroundings(photos, canvas), shown)
+    frame = resampled(shown, motion(batch, size, off), size)
 
     frame = blur(shine(photos, shapes, frame, pairs.light).clamp(0, 1.5), pairs.blurred / 2, 21)
     hidden = negative.float().expand(-1, 1, size, size)
@@ -65,8 +72,25 @@ def matte_batch(photos: Photos, batch: int, size: int, pairs: MattePairs) -> Mat
     template = shine(photos, shapes, template, 0.4 * pairs.light).clamp(0, 1)
     template = coarsen(blur(template, pairs.blurred / 3, 15), 0.2)
     template = code(relight(template, 0.5), 0.3)
-    valid = known(shapes, batch, size, pairs.cut, photos.device)
-    return MatteBatch(frame * 255, template * 255, valid, 1 - hidden)
+    in_frame, known = cut(shapes, batch, size, pairs.cut, device)
+    known = in_frame & known & (inner(size, MATTE_SURFACE * size, device) | ~framed)
+    around = in_frame & ~known & framed
+    return MatteBatch(frame * 255, template * 255, known.float(), around.float(), 1 - hidden)
+
+
+def inner(size: int, side: float, device: torch.device) -> Tensor:
+    """The pixels (1, 1, size, size) of a square of so many px in the middle."""
+    at = (torch.arange(size, device=device) + 0.5 - size / 2).abs() < side / 2
+    return (at[:, None] & at)[None, None]
+
+
+def surroundings(photos: Photos, canvas: Tensor) -> Tensor:
+    """What lies around surfaces (B, 3, n, n), as large: photographs, a third of them out of focus or of one colour."""
+    device, (b, _, size, _) = canvas.device, canvas.shape
+    photo = photos.sample(random_photos(photos, b), placed(random_view(b, device, 0.4, 1.8)), size)
+    plain = colours(b, device) + 0.03 * smooth_noise(b, 1, 6, size, device)
+    photo = torch.where(torch.rand(b, 1, 1, 1, device=device) < 0.35, plain, photo)
+    return blur(photo.clamp(0, 1), 0.3, 21)
 
 
 def surfaces(photos: Photos, shapes: Outlines, batch: int) -> Tensor:
@@ -119,12 +143,13 @@ def occlude(
     return crops, 1 - (1 - hidden) * (1 - hides)
 
 
-def known(shapes: Outlines, batch: int, size: int, share: float, device: torch.device) -> Tensor:
-    """Masks (B, 1, n, n) of what is in the frame and known of the template; of a share, not all is."""
+def cut(shapes: Outlines, batch: int, size: int, share: float, device: torch.device) -> tuple[Tensor, Tensor]:
+    """Which pixels (B, 1, n, n) are in the frame, and which are known of the template; of a share, not all are."""
     grid = pixel_grid(size, device)
     angle = uniform((batch, 1), 0, 6.2832, device)
     level = grid[:, 0] * angle.cos() + grid[:, 1] * angle.sin()
     inside = (level < uniform((batch, 1), 0.1, 0.5, device) * size).reshape(batch, 1, size, size)
     seen_once = shapes.take(batch, size) > 0
-    mask = torch.where(torch.rand(batch, 1, 1, 1, device=device) < 0.6, inside, seen_once)
-    return (mask | (torch.rand(batch, 1, 1, 1, device=device) >= share)).float()
+    is_cut = torch.rand(batch, 1, 1, 1, device=device) < share
+    by_frame = torch.rand(batch, 1, 1, 1, device=device) < 0.6
+    return inside | ~(is_cut & by_frame), seen_once | ~(is_cut & ~by_frame)

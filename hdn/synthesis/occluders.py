@@ -1,6 +1,6 @@
 """Things in front of a surface: what they look like, and how they lie over it."""
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import torch
 import torch.nn.functional as F
@@ -23,8 +23,9 @@ class LookShares:
     skin: float = 0.28
     flat: float = 0.2
     striped: float = 0.07
-    photograph: float = 0.2
-    alike: float = 0.25  # of one colour, much like the mean of the surface beneath
+    photograph: float = 0.17
+    alike: float = 0.13  # of one colour, much like the mean of the surface beneath
+    akin: float = 0.15  # of a photograph's texture about such a colour
 
 
 LOOKS = LookShares()
@@ -63,7 +64,7 @@ def laid_over(photos: Photos, crops: Tensor, distance: Tensor, edge: Tensor, the
 
 
 def appearance(photos: Photos, crops: Tensor, alpha: Tensor, distance: Tensor) -> Tensor:
-    """What occluders look like, (B, 3, n, n), 0..1: skin, flat, striped, of photographs, or much like the surface."""
+    """What occluders look like, (B, 3, n, n), 0..1: skin, flat, striped, of photographs, or of the surface's colour."""
     device, (b, _, size, _) = crops.device, crops.shape
     tones = torch.tensor(SKIN, device=device)
     tone = uniform(b, 0, 1.999, device)
@@ -82,8 +83,9 @@ def appearance(photos: Photos, crops: Tensor, alpha: Tensor, distance: Tensor) -
     sign = torch.where(torch.rand(b, 3, 1, 1, device=device) < 0.5, 1.0, -1.0)
     alike = (beneath + sign * uniform((b, 3, 1, 1), 0.03, 0.2, device)).expand(-1, 3, size, size)
 
-    kinds = torch.stack([skin, flat, striped, photo, alike], 1)
-    chance = torch.tensor([LOOKS.skin, LOOKS.flat, LOOKS.striped, LOOKS.photograph, LOOKS.alike], device=device)
+    akin = alike + (photo - photo.mean((2, 3), keepdim=True)) * uniform((b, 1, 1, 1), 0.3, 1, device)
+    kinds = torch.stack([skin, flat, striped, photo, alike, akin], 1)
+    chance = torch.tensor(astuple(LOOKS), device=device)
     look = kinds[torch.arange(b, device=device), torch.multinomial(chance, b, replacement=True)]
     # Round things darken towards their outline; light falls from one side.
     depth = (-distance / uniform((b, 1, 1, 1), 3, 25, device)).clamp(0, 1)

@@ -21,6 +21,8 @@ KINDS = {
     "misaligned": replace(PAIRS, far=1, negative=0, covered=0),
     "dark": replace(PAIRS, darkened=1, negative=0, covered=0),
     "covered": replace(PAIRS, negative=0, covered=1),
+    "whole crop": replace(PAIRS, framed=0, negative=0, covered=0),
+    "framed": replace(PAIRS, framed=1, negative=0, covered=0),
     "negative": replace(PAIRS, negative=1, occluded=0, covered=0),
 }
 
@@ -54,7 +56,7 @@ class MatteObjective:
     def losses(self, batch: MatteBatch) -> dict[str, Tensor]:
         """Its losses on a batch, by name."""
         with torch.autocast(batch.frame.device.type, torch.bfloat16, enabled=self.half):
-            logits = self.network(batch.frame, batch.template, batch.valid)
+            logits = self.network(batch.frame, batch.template, batch.valid, batch.around)
         logits = logits.float()
         weight = batch.valid * (1 + (TEACHING.hidden - 1) * (1 - batch.seen))
         entropy = F.binary_cross_entropy_with_logits(logits, batch.seen, weight=weight)
@@ -74,7 +76,7 @@ def matte_figures(network: MatteNetwork, photos: Photos, batches: Iterable[int],
     both = found = hidden = seen = right = 0.0
     for size in batches:
         batch = matte_batch(photos, size, MATTE_SIZE, pairs)
-        matte = network(batch.frame, batch.template, batch.valid).sigmoid()
+        matte = network(batch.frame, batch.template, batch.valid, batch.around).sigmoid()
         known = batch.valid > 0
         ours, truth = (matte < 0.5) & known, (batch.seen < 0.5) & known
         both += float((ours & truth).sum())

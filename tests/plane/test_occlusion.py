@@ -17,9 +17,10 @@ def wall() -> Wall:
     return Wall()
 
 
-def test_a_bar_is_told_from_what_it_hides(engine: Engine, wall: Wall) -> None:
+@pytest.mark.parametrize("framed", [False, True])
+def test_a_bar_is_told_from_what_it_hides(engine: Engine, wall: Wall, framed: bool) -> None:
     reference, there = camera(500, 360), camera(508, 352, 0.02)
-    occlusion = Occlusion(engine, Observation(wall.view(reference)), transform(reference, POSTER), PARTS)
+    occlusion = Occlusion(engine.matte, Observation(wall.view(reference)), transform(reference, POSTER), PARTS, framed)
     frame = wall.view(there)
     homography = motion(reference, there)
     clear = occlusion.seen(Observation(frame), homography)
@@ -34,7 +35,7 @@ def test_a_bar_is_told_from_what_it_hides(engine: Engine, wall: Wall) -> None:
 
 def test_what_is_outside_of_the_frame_is_not_seen(engine: Engine, wall: Wall) -> None:
     reference = camera(500, 360)
-    occlusion = Occlusion(engine, Observation(wall.view(reference)), transform(reference, POSTER), PARTS)
+    occlusion = Occlusion(engine.matte, Observation(wall.view(reference)), transform(reference, POSTER), PARTS)
     there = camera(500 + WIDTH / 2, 360)  # the frame's left edge is at the poster's middle
     seen = occlusion.seen(Observation(wall.view(there)), motion(reference, there))
     assert not seen[:, : PARTS // 2 - 1].any()
@@ -44,7 +45,7 @@ def test_what_is_outside_of_the_frame_is_not_seen(engine: Engine, wall: Wall) ->
 def test_what_the_map_grew_by_can_be_seen(engine: Engine, wall: Wall) -> None:
     poses = panned(40)
     plane = mapped(wall, poses[0])
-    occlusion = Occlusion(engine, Observation(wall.view(poses[0])), plane.corners, PARTS)
+    occlusion = Occlusion(engine.matte, Observation(wall.view(poses[0])), plane.corners, PARTS)
     learnt(plane, wall, poses)
     last, homography = Observation(wall.view(poses[-1])), motion(poses[0], poses[-1])
     before = occlusion.seen(last, homography)

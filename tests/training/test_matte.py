@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -66,12 +67,13 @@ def test_trains_goes_on_is_packed_and_validated(images: Path, tmp_path: Path) ->
 
 def test_a_batch_is_what_its_shares_say(photos: Photos) -> None:
     torch.manual_seed(0)
-    nothing = MattePairs(negative=0, occluded=0, covered=0, cut=0)
+    nothing = MattePairs(negative=0, occluded=0, covered=0, cut=0, framed=0)
     batch = matte_batch(photos, 4, 64, nothing)
     assert batch.frame.shape == batch.template.shape == (4, 3, 64, 64)
     assert batch.frame.max() > 64
     assert (batch.seen == 1).all()
     assert (batch.valid == 1).all()
+    assert (batch.around == 0).all()
     for shares in (MattePairs(negative=1), MattePairs(covered=1, negative=0)):
         assert (matte_batch(photos, 4, 64, shares).seen < 0.02).all()
     occluded = matte_batch(photos, 12, 64, MattePairs(negative=0, occluded=1, covered=0, cut=1))
@@ -79,9 +81,20 @@ def test_a_batch_is_what_its_shares_say(photos: Photos) -> None:
     assert 0.1 < occluded.valid.mean() < 0.95
 
 
+def test_a_framed_surface_is_seen_with_what_is_around_it(photos: Photos) -> None:
+    torch.manual_seed(0)
+    batch = matte_batch(photos, 4, 64, MattePairs(negative=0, occluded=0, covered=0, cut=0, framed=1))
+    assert (batch.valid[..., 7:-7, 7:-7] == 1).all()
+    assert (batch.valid[..., :6] == 0).all()
+    assert (batch.around == 1 - batch.valid).all()
+    elsewhere = (batch.frame - batch.template).abs().mean(1, keepdim=True)
+    assert elsewhere[batch.around == 1].mean() > 1.2 * elsewhere[batch.valid == 1].mean()
+
+
 def test_without_light_blur_and_occluders_pairs_are_alike(photos: Photos) -> None:
     torch.manual_seed(0)
     plain = MattePairs(negative=0, occluded=0, covered=0, blurred=0, coarse=0, darkened=0, light=0, far=0, cut=0)
+    plain = replace(plain, framed=0)
     batch = matte_batch(photos, 6, 64, plain)
     frame, template = (x - x.mean((2, 3), keepdim=True) for x in (batch.frame, batch.template))
     alike = (frame * template).sum((1, 2, 3)) / (frame.flatten(1).norm(dim=1) * template.flatten(1).norm(dim=1))
@@ -95,7 +108,7 @@ class Always(nn.Module):
         super().__init__()
         self.logit = logit
 
-    def forward(self, frame: Tensor, template: Tensor, valid: Tensor) -> Tensor:
+    def forward(self, frame: Tensor, template: Tensor, valid: Tensor, around: Tensor) -> Tensor:
         return torch.full_like(valid, self.logit)
 
 
@@ -104,7 +117,7 @@ def test_figures_by_hand(photos: Photos, monkeypatch: pytest.MonkeyPatch) -> Non
     seen, valid = torch.ones(1, 1, 4, 4), torch.ones(1, 1, 4, 4)
     seen[..., :2, :] = 0  # half is hidden, and a quarter of that is beyond the frame
     valid[..., 0, :2] = 0
-    monkeypatch.setattr(matte, "matte_batch", lambda *_: MatteBatch(crop, crop, valid, seen))
+    monkeypatch.setattr(matte, "matte_batch", lambda *_: MatteBatch(crop, crop, valid, 1 - valid, seen))
     all_hidden = matte_figures(Always(-3), photos, [1, 1], MattePairs())  # type: ignore[arg-type]
     assert all_hidden == {"hidden IoU": pytest.approx(6 / 14), "hidden kept": 1.0, "surface seen": 0.0}
     all_seen = matte_figures(Always(3), photos, [1], MattePairs())  # type: ignore[arg-type]
@@ -119,7 +132,8 @@ def test_what_is_not_known_teaches_nothing(photos: Photos) -> None:
     with torch.no_grad():
         before = objective.losses(batch)
         beyond = batch.valid == 0
-        batch.frame = torch.where(beyond, 255.0, batch.frame)
+        batch.frame = torch.where(beyond & (batch.around == 0), 255.0, batch.frame)
+        batch.template = torch.where(beyond, 255.0, batch.template)
         batch.seen = torch.where(beyond, 0.5, batch.seen)
         after = objective.losses(batch)
     for name, value in before.items():
