@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hdn.imaging.arrays import Array, Floats, Grey
+from hdn.imaging.arrays import Array, Floats, Grey, Image
 
 
 @dataclass(frozen=True)
@@ -13,8 +13,9 @@ class OcclusionModel:
     """The constants by which what hides a surface is found and cut out; all set by trial."""
 
     # Where it is: as the matte tells, with two thresholds (Canny, 1986).
-    likely: float = 0.1  # probability from which a pixel is hidden, where it is connected with one that is surely so
-    sure: float = 0.5
+    sure: float = 0.5  # probability from which a pixel is hidden ...
+    likely: float = 0.1  # ... and from which it is so beside those
+    beside_share: float = 0.03  # how far beside them, share of the crop's longer side
     min_sure_share: float = 0.002  # of the surface that must be surely hidden
     # Its edge.
     edge_share: float = 0.02  # half the width that a soft edge may have, share of the crop's longer side
@@ -28,12 +29,12 @@ MODEL = OcclusionModel()
 
 
 def find(hidden: Grey) -> Grey:
-    """What is hidden (h, w), 0 or 1, by its probability (h, w): the likely parts that are sure somewhere."""
-    count, parts = cv2.connectedComponents((hidden > MODEL.likely).astype(np.uint8), connectivity=4)
-    surely = np.bincount(parts[hidden > MODEL.sure], minlength=count)
-    kept = surely >= max(MODEL.min_sure_share * hidden.size, 1)
+    """What is hidden (h, w), 0 or 1, by its probability (h, w): what surely is, and what likely is beside that."""
+    count, parts = cv2.connectedComponents((hidden > MODEL.sure).astype(np.uint8), connectivity=4)
+    kept = np.bincount(parts.ravel(), minlength=count) >= max(MODEL.min_sure_share * hidden.size, 1)
     kept[0] = False
-    return kept[parts].astype(np.float32)
+    beside = cv2.dilate(kept[parts].astype(np.uint8), _disc(MODEL.beside_share, hidden.shape))
+    return ((hidden > MODEL.likely) & (beside > 0)).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class Outline:
     def of(hidden: Grey, view: Floats) -> "Outline":
         """From what is hidden (h, w), 0 or 1, in a view of the surface (h, w, 3)."""
         reach = max(1, round(MODEL.edge_share * max(hidden.shape)))
-        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+        disc = _disc(MODEL.edge_share, hidden.shape)
         inner, outer = cv2.erode(hidden, disc), cv2.dilate(hidden, disc)
         least, most = (cv2.GaussianBlur(mask, (0, 0), reach / 2) for mask in (inner, outer))
         guess = cv2.GaussianBlur(hidden, (0, 0), MODEL.outline_px)
@@ -113,3 +114,9 @@ class Outline:
         weight = 1 - on * (1 - share**2)  # where little of it is seen, its colour nearby is a better guess
         light = weight * unmixed + (1 - weight) * share * colour
         return Occluder(box, share, light, surface)
+
+
+def _disc(share: float, shape: tuple[int, ...]) -> Image:
+    """A disc with a radius that is a share of a crop's longer side, at least a pixel."""
+    reach = max(1, round(share * max(shape)))
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1)), np.uint8)
