@@ -22,6 +22,7 @@ from ..hdr import HLG_PEAK, USUAL_PEAK, Hdr, Transfer
 from .floats import from_float, is_float
 from .mastering import Mastering
 
+PADDING_BYTES = 64
 _ACCURATE_RND, _FULL_CHROMA = 0x40000, 0x2000  # SWS_ACCURATE_RND and SWS_FULL_CHR_H_INT, which PyAV 17 does not name
 _TO_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND | _FULL_CHROMA
 _FROM_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND
@@ -208,6 +209,14 @@ def _yuv_to_rgb(matrix: str, full_depth: int | None) -> NDArray[np.float64]:
     return np.hstack([scaled, -scaled @ [[black], [128 << 8], [128 << 8]]])
 
 
+def _padded(image: Picture) -> Picture:
+    """A copy of a picture with memory behind it, which swscale reads (FFmpeg's AV_INPUT_BUFFER_PADDING_SIZE)."""
+    memory = np.empty(image.size + PADDING_BYTES, np.uint8)
+    copy = memory[: image.size].reshape(image.shape)
+    copy[:] = image
+    return copy
+
+
 class FromRGB:
     """Converts RGB arrays to frames of one pixel format."""
 
@@ -219,12 +228,12 @@ class FromRGB:
 
     def __call__(self, image: Picture) -> av.VideoFrame:
         """Converts (H, W, 3), uint8 or uint16. It is copied: it may be changed as soon as this returns."""
-        image = np.ascontiguousarray(image)
         if image.dtype == np.uint16:
             # swscale takes 255 * 256 for white where it makes YUV.
-            frame = av.VideoFrame.from_ndarray(image if self._is_rgb else image - (image >> 8), "rgb48le")
+            image = np.ascontiguousarray(image if self._is_rgb else image - (image >> 8))
+            frame = av.VideoFrame.from_ndarray(image, "rgb48le")
         else:
-            frame = av.VideoFrame.from_numpy_buffer(image, "rgb24")
+            frame = av.VideoFrame.from_numpy_buffer(_padded(image), "rgb24")
         return self._reformatter.reformat(
             frame,
             format=self.pix_fmt,
