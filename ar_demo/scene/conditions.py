@@ -201,7 +201,9 @@ class Appearance:
 
         It is the pose that is given, but where the view is clearly the template, shifted (Kuglin and Hines, 1975).
         """
-        found, _ = cv2.phaseCorrelate(self._small_template, self._halved(grey(view)), self._towards_edge)
+        # It multiplies the pictures themselves by the window where their size is one that FFTs like.
+        pictures = self._small_template.copy(), self._halved(grey(view))
+        found, _ = cv2.phaseCorrelate(*pictures, self._towards_edge)
         shift = 2 * np.array(found)
         if not MODEL.min_shift_px < np.hypot(*shift) < MODEL.max_shift_ratio * max(self._width, self._height):
             return pose, view, inside
