@@ -3,6 +3,7 @@
 import json
 import sys
 import time
+from abc import ABC, abstractmethod
 from argparse import Namespace
 from contextlib import AbstractContextManager
 from types import TracebackType
@@ -55,7 +56,7 @@ class Bar(Display):
             self._bar = None
 
 
-class _NowAndThen(Display):
+class _NowAndThen(Display, ABC):
     """Tells events of a stage at intervals, its first and its last among them."""
 
     def __init__(self, seconds: float) -> None:
@@ -83,8 +84,9 @@ class _NowAndThen(Display):
             self._told = self._last
             self.tell(self._last)
 
+    @abstractmethod
     def tell(self, event: Progress) -> None:
-        raise NotImplementedError
+        """Tells an event."""
 
 
 class Lines(_NowAndThen):

@@ -19,9 +19,10 @@ import logging
 import os
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -34,6 +35,7 @@ from hdn.imaging.arrays import Array, Image
 from hdn.networks.weights import configuration, shipped
 
 from ..errors import InputError
+from ..media.pictures import write_picture
 from . import own_surface
 from .marks import Count, count, read_marks
 from .quality import NAMES
@@ -42,6 +44,8 @@ from .scenes import COMPOSITES, Scene, Scores, evaluate, read_scenes
 # Modules that change no figure.
 NO_PART = ("cli", "compositing/benchmark", "evaluation/cli", "evaluation/published", "evaluation/report", "progress")
 SHEET_ROWS = 9
+
+T = TypeVar("T")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -81,27 +85,30 @@ def _command(arguments: Sequence[str] | None) -> int:
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING)
     if options.limit is not None and options.limit < 2:
         raise InputError("--limit takes 2 or more")
-    if options.own or options.marks is not None:
-        markdown = _own(options) if options.own else _marked(options)
-        if not options.quiet:
-            print(markdown)
-            print(f"Written to {options.out}")
-        return DONE
-    scenes = [s for s in read_scenes(options.folder) if options.only is None or fnmatchcase(s.name, options.only)]
-    if not scenes:
-        raise InputError(f"no sequence is called like '{options.only}': see the names without --only")
-    scores = evaluate_all([s.limited(options.limit) for s in scenes], options.out, options.weights)
-    markdown = write(scores, options.out)
+    evaluate = _own if options.own else _drawn if options.marks is None else _marked
+    markdown = evaluate(options)
     if not options.quiet:
         print(markdown)
         print(f"Written to {options.out}")
     return DONE
 
 
+def _drawn(options: Namespace) -> str:
+    scenes = _called_so(read_scenes(options.folder), options.only, lambda scene: scene.name)
+    scores = evaluate_all([s.limited(options.limit) for s in scenes], options.out, options.weights)
+    return write(scores, options.out)
+
+
+def _called_so(all_of_them: Sequence[T], pattern: str | None, name: Callable[[T], str]) -> list[T]:
+    """Those whose name fits a pattern, None for all; raises InputError for none."""
+    found = [one for one in all_of_them if pattern is None or fnmatchcase(name(one), pattern)]
+    if not found:
+        raise InputError(f"no sequence is called like '{pattern}': see the names without --only")
+    return found
+
+
 def _own(options: Namespace) -> str:
-    clips = [c for c in open_dataset(str(options.folder)) if options.only is None or fnmatchcase(c.name, options.only)]
-    if not clips:
-        raise InputError(f"no clip is called like '{options.only}': see the names without --only")
+    clips = _called_so(open_dataset(str(options.folder)), options.only, lambda clip: clip.name)
     options.out.mkdir(parents=True, exist_ok=True)
     lines = ["| clip | " + " | ".join(own_surface.NAMES) + " |", "|---" * (len(own_surface.NAMES) + 1) + "|"]
     found = [
@@ -118,8 +125,7 @@ def _own(options: Namespace) -> str:
 
 
 def _marked(options: Namespace) -> str:
-    clips = read_marks(options.marks)
-    clips = [c for c in clips if options.only is None or fnmatchcase(Path(c.clip).stem, options.only)]
+    clips = _called_so(read_marks(options.marks), options.only, lambda clip: Path(clip.clip).stem)
     options.out.mkdir(parents=True, exist_ok=True)
     lines = ["| clip | frame | in front, kept | surface, replaced |", "|---|---|---|---|"]
     counts: list[Count] = []
@@ -137,7 +143,7 @@ def _marked(options: Namespace) -> str:
 
 def _shares(counts: Sequence[Count]) -> str:
     """Of the pixels in front the share that is kept, and of the surface's the share that is replaced, as cells."""
-    front, kept, surface, replaced = (sum(numbers) for numbers in zip(*(one[1:] for one in counts), strict=True))
+    front, kept, surface, replaced = (sum(one[k] for one in counts) for k in range(1, 5))
     return " | ".join(f"{part / whole:.3f}" if whole else "" for part, whole in ((kept, front), (replaced, surface)))
 
 
@@ -160,7 +166,7 @@ def evaluate_all(scenes: list[Scene], out: Path, weights: Path | None = None) ->
         if found is None:
             found, rows = evaluate(scene, weights)
             for kind, row in rows.items():
-                _write(kept / f"{scene.name}-{kind}.png", row)
+                write_picture(kept / f"{scene.name}-{kind}.png", row)
             _save(found, kept, made_of)
             found = _load(scene, kept, made_of) or found  # rounded as it is kept, so that a table is the same next time
         scores.append(found)
@@ -206,7 +212,7 @@ def write(scores: list[Scores], out: Path) -> str:
                 writer.writerow([attribute, composite, *(f"{f:.4f}" for f in figures)])
     worst_first = sorted(scores, key=lambda s: float(s.frames[s.ranked[0], 0, 0]))
     for kind in ("worst", "median"):
-        _write(out / f"{kind}.png", sheet(worst_first, out, kind))
+        write_picture(out / f"{kind}.png", sheet(worst_first, out, kind))
     return markdown
 
 
@@ -224,10 +230,6 @@ def sheet(scores: list[Scores], out: Path, kind: str) -> Image:
     """The "worst" or "median" frames, a row each: poster, true ad, ours, plain warp around the surface."""
     rows = [cv2.imread(str(out / "scenes" / f"{s.scene.name}-{kind}.png")) for s in scores[:SHEET_ROWS]]
     return np.asarray(cv2.cvtColor(np.vstack([r for r in rows if r is not None]), cv2.COLOR_BGR2RGB), np.uint8)
-
-
-def _write(path: Path, picture: Image) -> None:
-    cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
 
 
 if __name__ == "__main__":

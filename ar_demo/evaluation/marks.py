@@ -22,13 +22,14 @@ from hdn.imaging.arrays import Array, Image, Mask
 from hdn.imaging.quads import is_convex
 
 from ..errors import InputError
+from ..media.pictures import write_picture
 from ..media.reader import VideoReader
 from ..options import TrackingOptions
 from ..pipeline import replace
 from ..surface import Moment, Surface
 from ..tracks import Track
-from .own_surface import LOSSLESS
 from .quality import regions
+from .scenes import LOSSLESS
 
 Polygon = list[tuple[float, float]]
 
@@ -84,11 +85,14 @@ def read_marks(path: Path) -> list[MarkedClip]:
         InputError: it cannot be read or is not as described.
     """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=list[MarkedClip])
+        marks = msgspec.json.decode(path.read_bytes(), type=list[MarkedClip])
     except OSError as error:
         raise InputError(f"{path} cannot be read: name a file of marks") from error
     except msgspec.DecodeError as error:
         raise InputError(f"{path} has no marks: {error}") from error
+    if not marks:
+        raise InputError(f"{path} has no marks: its list is empty")
+    return marks
 
 
 def count(marked: MarkedClip, folder: Path, weights: Path | None, sheet: Path | None = None) -> list[Count]:
@@ -104,7 +108,7 @@ def count(marked: MarkedClip, folder: Path, weights: Path | None, sheet: Path | 
     frames = sorted(marked.frames, key=lambda frame: frame.frame)
     with TemporaryDirectory() as name:
         board, composite, saved = (Path(name) / file for file in ("board.png", "composite.mkv", "track.json"))
-        cv2.imwrite(str(board), cv2.cvtColor(checkerboard(), cv2.COLOR_RGB2BGR))
+        write_picture(board, checkerboard())
         clip, surface = folder / marked.clip, Surface(board, np.array(marked.quad, np.float64))
         tracking = TrackingOptions(end=Moment(frame=frames[-1].frame), weights=weights)
         replace(clip, surface, composite, tracking, LOSSLESS, save_track=saved)
@@ -115,7 +119,7 @@ def count(marked: MarkedClip, folder: Path, weights: Path | None, sheet: Path | 
                 counts.append(_count(marks, corners, source, drawn))
                 pictures.append(_outlined(marks, drawn))
     if sheet is not None and pictures:
-        cv2.imwrite(str(sheet), cv2.cvtColor(np.hstack(pictures), cv2.COLOR_RGB2BGR))
+        write_picture(sheet, np.hstack(pictures))
     return counts
 
 

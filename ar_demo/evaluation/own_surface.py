@@ -18,17 +18,18 @@ from hdn.benchmark.sequences import Sequence
 from hdn.imaging.arrays import Array, Floats, Image
 from hdn.imaging.homography import from_corners
 from hdn.imaging.pyramid import Pyramid
-from hdn.imaging.quads import is_convex, outline
+from hdn.imaging.quads import is_convex, mean_size, outline
 
 from ..errors import InputError, RunError
+from ..media.pictures import write_picture
 from ..media.reader import VideoReader
-from ..options import OutputOptions, TrackingOptions
+from ..options import TrackingOptions
 from ..pipeline import replace
 from ..surface import Moment, Surface
 from ..tracks import Track
 from .quality import gradient_deviation, quality
+from .scenes import LOSSLESS
 
-LOSSLESS = OutputOptions(codec="libx264rgb", crf=0.0, audio="none")
 NAMES = ("PSNR inside", "SSIM inside", "PSNR edge", "SSIM edge", "gradient deviation", "temporal noise")
 
 
@@ -80,7 +81,7 @@ def evaluate_own(clip: Sequence, weights: Path | None, out: Path | None = None) 
         with VideoReader(clip.source) as reader:
             first = next(reader.frames(0, 1)).image
             last = Moment(frame=min(len(clip.truth), len(reader.times)) - 1)
-        cv2.imwrite(str(picture), cv2.cvtColor(taken(first, clip.quad), cv2.COLOR_RGB2BGR))
+        write_picture(picture, taken(np.asarray(first, np.uint8), clip.quad))
         tracking = TrackingOptions(end=last, weights=weights)
         replace(clip.source, Surface(picture, clip.quad), composite, tracking, LOSSLESS, save_track=saved)
         track = Track.load(saved)
@@ -97,7 +98,7 @@ def evaluate_own(clip: Sequence, weights: Path | None, out: Path | None = None) 
             if worst is None or figures[0] < worst[0]:
                 worst = float(figures[0]), _side_by_side(source, drawn, corners)
         if out is not None and worst is not None:
-            cv2.imwrite(str(out), cv2.cvtColor(worst[1], cv2.COLOR_RGB2BGR))
+            write_picture(out, worst[1])
     if not np.isfinite(frames).any():
         raise RunError(f"{clip.name}: the surface is lost in every frame: there is nothing to compare")
     return OwnSurface(clip.name, frames, _noise(views))
@@ -105,9 +106,7 @@ def evaluate_own(clip: Sequence, weights: Path | None, out: Path | None = None) 
 
 def taken(frame: Image, quad: Array) -> Image:
     """A surface's picture (h, w, 3), rectified out of a frame by its quad (4, 2)."""
-    sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
-    width, height = (round(MODEL.oversampling * side) for side in (sides[0] + sides[2], sides[1] + sides[3]))
-    width, height = max(2, width // 2), max(2, height // 2)
+    width, height = (max(2, round(2 * MODEL.oversampling * side) // 2) for side in mean_size(quad))
     to_frame = from_corners(outline(width, height), quad)
     how = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
     picture = cv2.warpPerspective(frame, to_frame, (width, height), flags=how, borderMode=cv2.BORDER_REPLICATE)

@@ -14,7 +14,7 @@ from hdn.imaging.blur import blurred, equalising_blurs, relative_blur, spectral_
 from hdn.imaging.homography import derivative, from_corners, transform, translation
 from hdn.imaging.observation import Observation
 from hdn.imaging.pyramid import Pyramid
-from hdn.imaging.quads import is_drawable, outline
+from hdn.imaging.quads import is_drawable, mean_size, outline
 from hdn.networks.config import MATTE_SURFACE
 from hdn.networks.matte import Matte
 from hdn.plane.occlusion import Occlusion
@@ -43,6 +43,7 @@ class ComparisonModel:
     min_shift_px: float = 1.0
     max_shift_ratio: float = 0.1
     left_by_shift: float = 0.7
+    max_mirrored: float = 0.12  # share of a print's grey level that may be mirrored where shadows are told
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,6 @@ class BlurModel:
     trials: tuple[float, ...] = (0.0, 0.25, 0.5, 1.0)
     # Share of what the agreement lacks to 1 that matching blur must bring: for any of it, and for all.
     gains: tuple[float, float] = (0.05, 0.15)
-    max_mirrored: float = 0.12  # share of a print's grey level that may be mirrored where shadows are told
     faint_px2: float = 3.0  # of the frame: so much the ad does not take on, twice as much it does in full
 
 
@@ -99,8 +99,7 @@ class Appearance:
         shutter: degrees that it is open; None tells it by streaks.
         grain: whether it is measured.
         """
-        sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
-        size = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
+        size = mean_size(quad)
         size *= min(1.0, MODEL.longest_px / size.max())
         self._width, self._height = (np.maximum(np.round(size / GRID), 1) * GRID).astype(int).tolist()
         self._outline = outline(self._width, self._height)
@@ -233,9 +232,8 @@ class Appearance:
         if not np.isfinite(motion).all():
             return STILL, np.zeros((2, 2))
         along = to_crop @ motion.mean(0)  # px of the crop
-        if inside.mean() > BLUR.min_cell_in_frame:
-            template, seen = (self._halved(grey(x)) for x in (self._template, view))
-            self._shutter.learn(4 * spectral_blur(template, seen), along)
+        if inside.mean() > BLUR.min_cell_in_frame and self._shutter.can_learn(along):
+            self._shutter.learn(4 * spectral_blur(self._small_template, self._halved(grey(view))), along)
         share = self._shutter.share
         return np.asarray(share * motion), np.outer(along, along) * (share**2 / 12)
 
@@ -247,7 +245,7 @@ class Appearance:
         light_here = light.resized(*own.shape[1::-1])
         expected, printed = grey(light_here.on(own)), grey(light_here.without_gloss().on(own))
         # Where much is mirrored, or was in the reference frame, a ratio does not tell how the print is lit.
-        plain = np.abs(expected - printed) < BLUR.max_mirrored * printed
+        plain = np.abs(expected - printed) < MODEL.max_mirrored * printed
         return light.shaded(shading(grey(seen), expected, trust * plain, slack / 2))
 
     def _blur(self, own: Floats, view: Floats, inside: Grey) -> Array:

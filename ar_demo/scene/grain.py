@@ -5,6 +5,7 @@ that of the sensor, and what a codec left of it or put in its place.
 """
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import cv2
 import numpy as np
@@ -167,28 +168,20 @@ def _window(frame: Image, pose: Array) -> Box | None:
     return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
 
 
-_TILES: dict[int, tuple[Floats, float]] = {}
-
-
-def _made(softness: int) -> tuple[Floats, float]:
-    """Noise (n, n, 3) of unit deviation and this softness, without a seam, and the share that `_kept` tells of it."""
-    if softness not in _TILES:
-        n, width = MODEL.tile_px, MODEL.widths_px[softness]
-        noise = np.random.default_rng(softness).standard_normal((n, n, 3)).astype(np.float32)
-        if width:
-            around = np.pad(noise, ((16, 16), (16, 16), (0, 0)), mode="wrap")
-            noise = cv2.GaussianBlur(around, (0, 0), width)[16:-16, 16:-16]
-        noise /= noise.std()
-        mean = noise[..., 0]
-        high = mean - cv2.blur(mean, (MODEL.smooth_px, MODEL.smooth_px))
-        _TILES[softness] = noise, float(cv2.blur(high, (3, 3)).var() / high.var())
-    return _TILES[softness]
-
-
+@cache
 def _tile(softness: int) -> Floats:
-    return _made(softness)[0]
+    """Noise (n, n, 3) of unit deviation and this softness, without a seam."""
+    n, width = MODEL.tile_px, MODEL.widths_px[softness]
+    noise = np.random.default_rng(softness).standard_normal((n, n, 3)).astype(np.float32)
+    if width:
+        around = np.pad(noise, ((16, 16), (16, 16), (0, 0)), mode="wrap")
+        noise = cv2.GaussianBlur(around, (0, 0), width)[16:-16, 16:-16]
+    return np.asarray(noise / noise.std(), np.float32)
 
 
+@cache
 def _kept() -> Floats:
     """For each width, the share of its variance that noise keeps in the mean of three by three pixels."""
-    return np.array([_made(i)[1] for i in range(len(MODEL.widths_px))], np.float32)
+    tiles = (_tile(softness)[..., 0] for softness in range(len(MODEL.widths_px)))
+    highs = (tile - cv2.blur(tile, (MODEL.smooth_px, MODEL.smooth_px)) for tile in tiles)
+    return np.array([cv2.blur(high, (3, 3)).var() / high.var() for high in highs], np.float32)

@@ -12,7 +12,6 @@ class ShutterModel:
     """How the share of a frame that the shutter is open is told from streaks; lengths are px of the crop."""
 
     min_motion_px: float = 2.5  # from frame to frame, under which a streak is not told from other blur
-    sure_frames: int = 5  # from which their median is believed in full
     max_share: float = 1.1  # more than that is another blur
     min_share: float = 0.1  # less is taken for none
     remembered: int = 60  # frames
@@ -39,6 +38,10 @@ class Shutter:
         share = float(np.median(self._shares))
         return share if share >= MODEL.min_share else 0.0
 
+    def can_learn(self, motion: Array) -> bool:
+        """Whether a motion (2,), px from one frame to the next, leaves a streak that tells anything new."""
+        return self._given is None and bool(np.linalg.norm(motion) >= MODEL.min_motion_px)
+
     def learn(self, blur: Array, motion: Array) -> None:
         """Takes a frame into account.
 
@@ -46,9 +49,9 @@ class Shutter:
             blur: (2, 2) px^2, by which it is blurrier than the reference frame, in all.
             motion: (2,) px from one frame to the next.
         """
-        length = float(np.linalg.norm(motion))
-        if length < MODEL.min_motion_px:
+        if not self.can_learn(motion):
             return
+        length = float(np.linalg.norm(motion))
         along, across = motion / length, np.array([-motion[1], motion[0]]) / length
         # A streak of length L has the variance L^2 / 12 along itself; what is there across as well is want of focus.
         streak = max(float(along @ blur @ along - across @ blur @ across), 0.0)

@@ -12,7 +12,7 @@ from ..imaging.arrays import Array, Floats, Grey, Image, Mask
 from ..imaging.blur import relative_blur, spectral_blur
 from ..imaging.homography import derivative, normalised, transform
 from ..imaging.observation import Observation
-from ..imaging.quads import outline, side
+from ..imaging.quads import mean_size, outline, side
 from .agreement import CELLS, Agreement, cell_means
 from .border import UNCONSTRAINED, Border
 from .lucas_kanade import Level
@@ -130,8 +130,7 @@ class Refiner:
         usable: (H, W) 255 where the reference frame may be looked at; None takes all of it.
         """
         self._quad = quad
-        sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
-        size = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
+        size = mean_size(quad)
         longest = max(MODEL.min_side_px, min(MODEL.standard_side_px, size.max()))
         fine_ratio = np.clip(size.max() / longest, 1, MODEL.max_fine_ratio)
         standard = _crop_size(size, longest)

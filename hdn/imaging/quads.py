@@ -47,6 +47,12 @@ def side(quad: Array) -> float:
     return float(np.sqrt(abs(area(quad))))
 
 
+def mean_size(quad: Array) -> Array:
+    """Width and height (2,) of a quad (4, 2), px: each the mean of two opposite sides."""
+    sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
+    return np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
+
+
 def cross(a: Array, b: Array) -> Array:
     """The third component of the cross product of vectors (..., 2) in the plane: (...)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

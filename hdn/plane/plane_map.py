@@ -23,7 +23,7 @@ from ..imaging.arrays import Array, Floats, Grey, Image, Mask
 from ..imaging.homography import from_corners, transform, translation
 from ..imaging.observation import Observation
 from ..imaging.pyramid import Pyramid
-from ..imaging.quads import outline
+from ..imaging.quads import mean_size, outline
 from ..imaging.regions import EVERYWHERE, Region
 from .texture import Texture
 
@@ -340,8 +340,7 @@ def _trust(correlation: Floats, known: Mask) -> Floats:
 
 def target_size(quad: Array, longest: int) -> tuple[int, int]:
     """Width and height, px, of a target (4, 2) in a rectified crop in which its longer side is about so many."""
-    sides = np.linalg.norm(np.roll(quad, -1, 0) - quad, axis=1)
-    mean = np.array([sides[0] + sides[2], sides[1] + sides[3]]) / 2
+    mean = mean_size(quad)
     cell = np.maximum(np.round(longest * mean / mean.max() / CELLS), MODEL.min_cell_px)
     width, height = (CELLS * int(side) for side in cell)
     return width, height

@@ -79,13 +79,24 @@ def test_marks_make_a_table(folder: Path, run: Run) -> None:
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(None, "cannot be read"), ("[{}]", "has no marks"), ('[{"clip": "a", "quad": [], "frames": 3}]', "has no marks")],
+    [
+        (None, "cannot be read"),
+        ("[]", "its list is empty"),
+        ("[{}]", "has no marks"),
+        ('[{"clip": "a", "quad": [], "frames": 3}]', "has no marks"),
+    ],
 )
 def test_marks_that_are_none(content: str | None, message: str, tmp_path: Path) -> None:
     if content is not None:
         (tmp_path / "marks.json").write_text(content)
     with pytest.raises(InputError, match=message):
         read_marks(tmp_path / "marks.json")
+
+
+def test_no_marked_clip_has_such_a_name(folder: Path, run: Run) -> None:
+    status, out, err = run(folder, "--marks", folder / "marks.json", "--only", "x*", "--out", folder / "out")
+    assert (status, out) == (2, "")
+    assert "no sequence is called like 'x*'" in err
 
 
 def test_the_marks_of_the_project_are_whole() -> None:
