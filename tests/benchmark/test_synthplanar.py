@@ -11,10 +11,11 @@ import pytest
 
 from hdn.benchmark.datasets import open_dataset
 from hdn.benchmark.synthplanar.cli import Setting, generate, main
+from hdn.benchmark.synthplanar.light import Focus
 from hdn.benchmark.synthplanar.motion import HEIGHT, WIDTH, Ranges, Trajectory
 from hdn.benchmark.synthplanar.pictures import Pictures
 from hdn.benchmark.synthplanar.render import Renderer, Scene, visible_corners
-from hdn.benchmark.synthplanar.scenes import CHALLENGES, CONTROLS, INTERRUPTED, make_scene
+from hdn.benchmark.synthplanar.scenes import APPEARANCE, CHALLENGES, CONTROLS, INTERRUPTED, make_scene
 from hdn.benchmark.synthplanar.video import Clip
 from hdn.errors import InputError, RunError
 from hdn.imaging.arrays import Array, Image
@@ -27,7 +28,9 @@ DRAWN = Pictures(None)
 
 def scene(attribute: str, seed: int = 0, width: int = 320, frames: int = 60) -> tuple[Scene, np.random.Generator]:
     rng = np.random.default_rng(seed)
-    return make_scene((CHALLENGES | INTERRUPTED)[attribute], width, width * 9 // 16, frames, DRAWN, rng).scene, rng
+    return make_scene(
+        (CHALLENGES | INTERRUPTED | APPEARANCE)[attribute], width, width * 9 // 16, frames, DRAWN, rng
+    ).scene, rng
 
 
 def rectified(frame: Image, corners: Array, size: int = 96) -> Image:
@@ -257,6 +260,55 @@ def test_light(attribute: str, darkest: float, brightest: float) -> None:
     assert darkest < Renderer(shown, 60, rng).render(0).poster.mean() < brightest
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("attribute", "stays"), [("shadow", False), ("still shadow", True)])
+def test_a_shadow_lies_on_the_target_in_the_first_frame_and_stays_only_where_it_shall(
+    attribute: str, stays: bool, seed: int
+) -> None:
+    shown, rng = scene(attribute, seed)
+    flat = [dataclasses.replace(shown.poster, levels=tuple(np.full_like(x, 255) for x in shown.poster.levels))] * 2
+    shown = dataclasses.replace(shown, poster=flat[0], ad=flat[1], grain=0.0)
+    corners, renderer = visible_corners(shown, 60), Renderer(shown, 60, rng)
+    views = []
+    for index in (0, 55):
+        quad = corners[index]
+        assert quad is not None
+        views.append(rectified(renderer.render(index).ad, quad)[8:-8, 8:-8].astype(float))
+    assert views[0].max() > 1.15 * views[0].min()
+    assert (np.corrcoef(views[0].ravel(), views[1].ravel())[0, 1] > 0.9) == stays
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_lamp_is_mirrored_in_the_target_in_the_first_frame(seed: int) -> None:
+    shown, _ = scene("still glare", seed)
+    quad = visible_corners(shown, 60)[0]
+    assert quad is not None
+    dark = dataclasses.replace(shown, light=dataclasses.replace(shown.light, glare=0.0))
+    with_lamp, without = (Renderer(s, 60, np.random.default_rng(1)).render(0).ad.astype(float) for s in (shown, dark))
+    assert rectified(np.clip(with_lamp - without, 0, 255).astype(np.uint8), quad).max() > 20
+
+
+def test_focus_comes_and_goes_and_keeps_the_light() -> None:
+    focus, light = Focus(0.0, 9.0, 0.1, -np.pi / 2), np.zeros((41, 41, 3), np.float32)
+    light[20, 20] = 100
+    sharp, soft = focus.blur(light, 0.0, 0.5), focus.blur(light, np.pi / 0.1, 0.5)
+    np.testing.assert_allclose(sharp, light, atol=1e-3)
+    assert soft.sum() == pytest.approx(light.sum(), rel=1e-4)
+    assert (soft[..., 0] > soft.max() / 2).sum() == pytest.approx(np.pi * 4.5**2, rel=0.1)  # a disc
+
+
+def test_no_light_falls_on_a_screen() -> None:
+    shown, _ = scene("screen", 1)
+    shown = dataclasses.replace(shown, light=dataclasses.replace(shown.light, glare=0.0), grain=0.0)
+    dark = dataclasses.replace(shown, light=dataclasses.replace(shown.light, exposure=0.2))
+    quad = visible_corners(shown, 60)[0]
+    assert quad is not None
+    a, b = (Renderer(s, 60, np.random.default_rng(2)).render(0).poster for s in (shown, dark))
+    inner = rectified(a, quad)[8:-8, 8:-8].astype(float), rectified(b, quad)[8:-8, 8:-8].astype(float)
+    assert np.abs(inner[0] - inner[1]).max() <= 3
+    assert b.mean() < 0.7 * a.mean()
+
+
 def test_low_texture_has_little() -> None:
     def edges(attribute: str) -> float:
         picture = scene(attribute)[0].poster.levels[0]
@@ -302,7 +354,7 @@ def test_the_folder_is_a_data_set(made: Path) -> None:
 
 def test_what_is_written_beside_a_clip(made: Path) -> None:
     truth = json.loads((made / "unconstrained-01.json").read_text())
-    assert (truth["seed"], truth["version"], truth["attributes"]) == (5, 2, ["unconstrained"])
+    assert (truth["seed"], truth["version"], truth["attributes"]) == (5, 3, ["unconstrained"])
     assert len(truth["visible"]) == len(truth["corners"]) == SMALL.frames
     assert cv2.imread(str(made / truth["ad"]["image"])) is not None
     clip, ad_clip = read(made / "unconstrained-01.mp4"), read(made / truth["ad"]["clip"])

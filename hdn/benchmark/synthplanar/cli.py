@@ -22,12 +22,12 @@ from ...commandline import Parser, run
 from ...errors import InputError, RunError
 from .pictures import Pictures
 from .render import Renderer, visible_corners
-from .scenes import CHALLENGES, CONTROLS, INTERRUPTED, make_scene
+from .scenes import APPEARANCE, CHALLENGES, CONTROLS, INTERRUPTED, make_scene
 from .video import FPS, Clip
 
-VERSION = 2  # of the generator: whatever changes a sequence of a given seed raises it, and what is new
+VERSION = 3  # of the generator: whatever changes a sequence of a given seed raises it, and what is new
 SEEDING = 1  # of the sequences' random numbers, apart from the version: what is new leaves other sequences as they are
-ATTRIBUTES = CHALLENGES | INTERRUPTED | CONTROLS
+ATTRIBUTES = CHALLENGES | INTERRUPTED | APPEARANCE | CONTROLS
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,8 @@ def _command(arguments: Many[str] | None) -> int:
     options = _parser().parse_args(arguments)
     setting = SETTINGS[options.setting]
     pictures = Pictures(options.textures)
-    named = options.attributes or (INTERRUPTED if options.interrupted else CHALLENGES | INTERRUPTED)
+    group = INTERRUPTED if options.interrupted else APPEARANCE if options.appearance else CHALLENGES | INTERRUPTED
+    named = options.attributes or group
     attributes = [_attribute(name) for name in named]
     for attribute in attributes:
         for number in range(options.sequences):
@@ -165,14 +166,15 @@ def _parser() -> Parser:
         "--attributes",
         nargs="+",
         metavar="NAME",
-        help=f"of {_names(CHALLENGES | INTERRUPTED)} (default all these); or {_names(CONTROLS)}, to see how exact a "
-        "tracker is",
+        help=f"of {_names(CHALLENGES | INTERRUPTED)} (default all these); {_names(APPEARANCE)}, to see how well a "
+        f"composite passes for real; or {_names(CONTROLS)}, to see how exact a tracker is",
     )
     which.add_argument(
         "--interrupted",
         action="store_true",
         help=f"only those whose view is covered or gone for long: {_names(INTERRUPTED)}",
     )
+    which.add_argument("--appearance", action="store_true", help=f"only {_names(APPEARANCE)}")
     parser.add_argument("--sequences", type=_count, default=1, metavar="N", help="for each attribute (default 1)")
     parser.add_argument("--frames", type=_count, metavar="N", help="in each (default 150 quick, 500 full)")
     parser.add_argument("--seed", type=_seed, default=0, help="the same seed gives the same sequences (default 0)")

@@ -146,6 +146,21 @@ def draw_occluder(rng: np.random.Generator, kind: int | None = None) -> Image:
     return np.concatenate([premultiplied.astype(np.uint8), alpha], 2)
 
 
+def draw_long_hair(rng: np.random.Generator) -> Image:
+    """Somebody with loose hair, as `draw_occluder` draws a person: strands as thin as one sees them apart."""
+    drawn = draw_occluder(rng, PERSON)
+    colour = np.array([95, 62, 38], np.float32) * rng.uniform(0.3, 2.2)
+    for _ in range(220):
+        turn, length = rng.uniform(-2.6, 2.6), rng.uniform(60, 170)  # from upright, rad
+        x, y = 128 + 44 * np.sin(turn), 90 - 60 * np.cos(turn)
+        steps = np.linspace(0, 1, 9)
+        across = x + 40 * np.sin(turn) * steps**0.7 + 6 * np.sin(5 * steps + rng.uniform(0, 6))
+        strand = np.stack([across, y + length * steps**1.4 - 14 * steps], 1).round().astype(np.int32)
+        ink = [float(c) for c in np.clip(colour * rng.uniform(0.6, 1.3), 0, 255)]
+        cv2.polylines(drawn, [strand], False, [*ink, 255], 1, cv2.LINE_AA)
+    return drawn
+
+
 def draw_hand(rng: np.random.Generator) -> Image:
     """A hand with its forearm, fingers upward: premultiplied RGBA (2048, 512, 4), the hand around row 512."""
     height, width = 2048, 512
@@ -201,6 +216,18 @@ def draw_shadows(size: int, rng: np.random.Generator) -> Image:
     leaves = noise((size, size), size / 8, rng, 3) + 1.5 * noise((size, size), size / 2, rng, 2)
     light[leaves > 2.2] = 0
     return np.asarray(cv2.GaussianBlur(light, (0, 0), size * rng.uniform(0.004, 0.015)), np.uint8)
+
+
+def draw_edge(size: int, rng: np.random.Generator) -> Image:
+    """What share of the sun's light falls where, as `draw_shadows`: a house's and a post's edge through the middle."""
+    light = np.full((size, size), 255, np.uint8)
+    for width, offset in ((rng.uniform(0.15, 0.4), 0.04), (rng.uniform(0.015, 0.04), 0.12)):
+        turn = rng.uniform(0, 2 * np.pi)
+        along, across = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+        middle = size * (0.5 + across * (width / 2 + rng.uniform(-offset, offset)))
+        ends = [(middle + along * 2 * size * s).astype(int).tolist() for s in (-1, 1)]
+        cv2.line(light, ends[0], ends[1], 0, int(size * width), cv2.LINE_AA)
+    return np.asarray(cv2.GaussianBlur(light, (0, 0), size * rng.uniform(0.0015, 0.006)), np.uint8)
 
 
 def noise(shape: tuple[int, ...], cell: float, rng: np.random.Generator, octaves: int) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from ...imaging.arrays import Array, Floats, Image
 from ...imaging.homography import transform, translation
 from ...imaging.quads import area
-from .light import Light, Sensor
+from .light import Focus, Light, Sensor
 from .motion import Trajectory, background_poses, plane_to_frame, to_setting
 
 SUBFRAMES_RANGE = 4, 16  # sub-frames of a frame, fewest and most
@@ -88,6 +88,7 @@ class Scene:
 
     background: (H, W, 3), BACKGROUND frames wide. poster, ad: sheets, premultiplied RGBA, of one outline. target: one
     channel of the sheets' size, 255 where the target is. shutter: exposure, frames. grain: of the sensor, pixel values.
+    focus: of the lens; None for one that is as sharp as the pixels.
     """
 
     width: int
@@ -101,6 +102,7 @@ class Scene:
     light: Light
     shutter: float
     grain: float
+    focus: Focus | None = None
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,8 @@ class Renderer:
         to_frame = [translation(*shift) @ self._setting for shift in _strewn(len(times))]
         sheets = [a @ b @ to_plane for a, b in zip(to_frame, plane_to_frame(poses), strict=True)]
         backs = [a @ b for a, b in zip(to_frame, plane_to_frame(background_poses(poses)), strict=True)]
-        box = _box(sheets, poster.shape, (scene.height, scene.width))
+        spread = scene.focus.reach(self._setting[0, 0]) if scene.focus else 0
+        box = _box(sheets, poster.shape, (scene.height, scene.width), spread)
         to_box = translation(-box[1].start, -box[0].start)
 
         total = np.zeros((scene.height, scene.width, 3), np.float32)
@@ -162,6 +165,11 @@ class Renderer:
         seen /= 255 * len(times)
 
         self._light(index, total, total_ad, seen, box, len(times))
+        if scene.focus is not None:
+            whole = total.copy()
+            whole[box] = total_ad
+            total, whole = (scene.focus.blur(light, index, self._setting[0, 0]) for light in (total, whole))
+            total_ad = np.ascontiguousarray(whole[box])
         outline = transform(self._setting, scene.trajectory.corners(np.array([float(index)]))[0])
         visible = min(1.0, float(seen.sum()) / abs(area(outline)))
         self._sensor.expose()
@@ -175,8 +183,10 @@ class Renderer:
         """Lights the sums of `count` sub-frames, the frame's and the box's, in place."""
         light, time = self._scene.light, np.array([float(index)])
         pose = self._scene.trajectory.poses(time)
-        back = self._setting @ plane_to_frame(background_poses(pose))[0]
-        gain = light.gain(index, back, (self._scene.height, self._scene.width))
+        plane = self._setting @ plane_to_frame(pose if light.still else background_poses(pose))[0]
+        gain = light.gain(index, plane, (self._scene.height, self._scene.width))
+        if light.glow is not None and seen.size:
+            gain[box] += seen[..., None] * (light.glow - gain[box])
         gain /= count
         cv2.multiply(total, gain, total)
         if not seen.size:
@@ -218,14 +228,17 @@ def _warp(image: Image, matrix: Array, shape: tuple[int, ...], border: int = cv2
     return np.asarray(cv2.warpPerspective(image, matrix, (shape[1], shape[0]), borderMode=border), np.uint8)
 
 
-def _box(matrices: list[Array], texture: tuple[int, ...], frame: tuple[int, int]) -> Box:
-    """Rows and columns of a frame (height, width) that a texture touches through any of the homographies."""
+def _box(matrices: list[Array], texture: tuple[int, ...], frame: tuple[int, int], spread: int = 0) -> Box:
+    """Rows and columns of a frame (height, width) that a texture touches through any of the homographies.
+
+    spread: px that it reaches farther.
+    """
     height, width = texture[:2]
     outline = np.array([[-1.0, -1], [width, -1], [width, height], [-1, height]])
     points = np.concatenate([transform(matrix, outline) for matrix in matrices])
     bounds = np.array(frame[::-1])
-    low = np.clip(np.floor(points.min(0)), 0, bounds).astype(int)
-    high = np.clip(np.ceil(points.max(0)) + 1, low, bounds).astype(int)
+    low = np.clip(np.floor(points.min(0)) - spread, 0, bounds).astype(int)
+    high = np.clip(np.ceil(points.max(0)) + 1 + spread, low, bounds).astype(int)
     return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
 
 

@@ -6,8 +6,17 @@ import cv2
 import numpy as np
 
 from ...imaging.arrays import Array, Image
-from .drawings import PERSON, draw_hand, draw_occluder, draw_shadows, draw_wall, palette
-from .light import Light
+from .drawings import (
+    PERSON,
+    draw_edge,
+    draw_hand,
+    draw_long_hair,
+    draw_occluder,
+    draw_shadows,
+    draw_wall,
+    palette,
+)
+from .light import Focus, Light
 from .motion import Ranges, Trajectory
 from .pictures import Pictures
 from .render import BACKGROUND, LEVELS, Layer, Passage, Scene
@@ -24,7 +33,10 @@ class Challenge:
     mirrored in the target. crf: of H.264, the least, and one above the most. wall: how far a wall that lies in the
     target's plane reaches around it, ratio to its longest side, 0 for none. hands: frames from one hand that reaches
     over the target to the next, 0 for none. hidden: somebody stands before the whole target for a third of the clip.
-    Others as in Scene and Light, the least and the most of them.
+    edge: a shadow's edge lies on the target in the first frame, and a lamp, if there is one, is mirrored in its middle.
+    still: the light stays as it is on the target. defocus: radius of the lens's blur, least and most, px of 1280. skin:
+    the poster has the colours of skin, and who passes has loose hair. screen: the target shines by itself. Others as in
+    Scene and Light, the least and the most of them.
     """
 
     ranges: Ranges = DEFAULT_RANGES
@@ -40,6 +52,12 @@ class Challenge:
     wall: float = 0.0
     hands: int = 0
     hidden: bool = False
+    ambient: tuple[float, float] = (0.4, 0.75)
+    edge: bool = False
+    still: bool = False
+    defocus: tuple[float, float] | None = None
+    skin: bool = False
+    screen: bool = False
 
 
 # Named as in POT, and two of our own.
@@ -63,6 +81,20 @@ INTERRUPTED = {
     "hands": Challenge(Ranges(size=(150, 440), speed=0.7), hands=70),
     "absence": Challenge(Ranges(size=(150, 400), absent=True)),
     "hidden": Challenge(Ranges(size=(140, 260), speed=0.5), hidden=True),
+}
+# Where a composite has to pass for real: light that lies on the target in the first frame already, and how it is
+# pictured. They move gently, for it is not tracking that is asked here.
+GENTLE = Ranges(size=(190, 420), speed=0.7)
+APPEARANCE = {
+    "shadow": Challenge(GENTLE, edge=True, ambient=(0.25, 0.5), lamp=0.0),
+    "still shadow": Challenge(GENTLE, edge=True, still=True, ambient=(0.25, 0.5), lamp=0.0, wall=0.4),
+    "glare": Challenge(Ranges(size=(190, 420), speed=0.7, tilt=40), edge=True, ambient=(0.9, 1.0), lamp=1.0),
+    "still glare": Challenge(GENTLE, edge=True, still=True, ambient=(0.9, 1.0), lamp=1.0),
+    "defocus": Challenge(GENTLE, ambient=(0.9, 1.0), lamp=0.0, defocus=(0.0, 9.0)),
+    "soft": Challenge(GENTLE, ambient=(0.9, 1.0), lamp=0.0, defocus=(3.0, 3.5)),
+    "grain": Challenge(GENTLE, ambient=(0.9, 1.0), lamp=0.0, grain=(4.0, 8.0), crf=(14, 19)),
+    "fingers": Challenge(GENTLE, ambient=(0.9, 1.0), lamp=0.0, hands=45, between=90, skin=True),
+    "screen": Challenge(GENTLE, lamp=1.0, screen=True),
 }
 # Nothing is hard here but to be exact: a well-seen target, and one that stands still under flickering light; compressed
 # as a camera does.
@@ -94,6 +126,8 @@ def make_scene(challenge: Challenge, width: int, height: int, frames: int, pictu
     ad, ad_name = pictures.poster(texels, rng)
     if challenge.flat:
         poster = _flattened(poster, rng)
+    if challenge.skin:
+        poster = _as_skin(poster, rng)
 
     margin = int(rng.integers(0, 4)) * longest // 64 // 2**LEVELS * 2**LEVELS  # a board's edge around the picture
     board = palette(1, rng)[0] * 0.5 + (110 if rng.random() < 0.5 else 20)
@@ -115,12 +149,13 @@ def make_scene(challenge: Challenge, width: int, height: int, frames: int, pictu
         Layer.of(sheets[0], texel_to_plane),
         Layer.of(sheets[1], texel_to_plane),
         Layer.of(np.asarray(target, np.uint8), texel_to_plane),
-        _passages(challenge.between, frames, rng)
-        + _hands(challenge.hands, frames, rng)
-        + _screen(challenge, frames, rng),
+        _passages(challenge, frames, rng) + _hands(challenge.hands, frames, rng) + _screen(challenge, frames, rng),
         _light(challenge, width, rng),
         shutter=rng.uniform(*challenge.shutter),
         grain=rng.uniform(*challenge.grain),
+        focus=None
+        if challenge.defocus is None
+        else Focus(*challenge.defocus, *rng.uniform((0.04, 0), (0.1, 2 * np.pi))),
     )
     return Cast(scene, ad, poster_name, ad_name)
 
@@ -134,6 +169,13 @@ def _flattened(picture: Image, rng: Rng) -> Image:
     soft = cv2.GaussianBlur(picture, (0, 0), picture.shape[1] / rng.uniform(20, 45)).astype(np.float32)
     mean = soft.mean((0, 1))
     return np.clip(mean + rng.uniform(0.35, 0.6) * (soft - mean), 0, 255).astype(np.uint8)
+
+
+def _as_skin(picture: Image, rng: Rng) -> Image:
+    """The picture in tones of one skin, as a portrait has them."""
+    skin = np.array([222, 175, 146], np.float32) * rng.uniform(0.5, 1.05)
+    light = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)[..., None] / 150
+    return np.clip(skin * (0.35 + 0.65 * light) + 0.15 * (picture - picture.mean((0, 1))), 0, 255).astype(np.uint8)
 
 
 def _sheet(picture: Image, margin: int, board: Array, longest: int) -> Image:
@@ -164,12 +206,14 @@ def _on_wall(sheets: list[Image], reach: int, rng: Rng) -> list[Image]:
     return on_wall
 
 
-def _passages(between: int, frames: int, rng: Rng) -> tuple[Passage, ...]:
+def _passages(challenge: Challenge, frames: int, rng: Rng) -> tuple[Passage, ...]:
     """Passers-by at uneven intervals, none of them before the target in the first frame, from which trackers start."""
     passages: list[Passage] = []
+    between = challenge.between
     middle = rng.uniform(0.4, 0.7) * between
     while between and middle < frames:
-        texture, length, size = draw_occluder(rng), rng.uniform(18, 40), rng.uniform(2.0, 3.2)
+        texture = draw_long_hair(rng) if challenge.skin else draw_occluder(rng)
+        length, size = rng.uniform(18, 40), rng.uniform(2.0, 3.2)
         direction = (0.0 if rng.random() < 0.5 else np.pi) + rng.uniform(-0.3, 0.3)
         passages.append(Passage(texture, max(middle, 1.4 * length), length, direction, size, rng.uniform(-0.35, 0.35)))
         middle += between * rng.uniform(0.7, 1.3)
@@ -211,15 +255,20 @@ def _screen(challenge: Challenge, frames: int, rng: Rng) -> tuple[Passage, ...]:
 
 def _light(challenge: Challenge, width: int, rng: Rng) -> Light:
     warmth = rng.uniform(-0.07, 0.07)
+    shadows = draw_edge if challenge.edge else draw_shadows
+    lamp = 0.15 if challenge.edge else 0.45
     return Light(
-        shadows=draw_shadows(width * 4 // 5, rng),
-        drift=rng.normal(0, 0.0012, 2),
-        ambient=rng.uniform(0.4, 0.75),
+        shadows=shadows(width * 4 // 5, rng),
+        drift=rng.normal(0, 0.0012, 2) * (not challenge.still),
+        ambient=rng.uniform(*challenge.ambient),
         colour=np.array([1 + warmth, 1.0, 1 - warmth]),
         exposure=rng.uniform(*challenge.exposure),
         swing=challenge.swing,
         rates=rng.uniform(*challenge.rates, 2),
         glare=rng.uniform(0.25, 0.8) if rng.random() < challenge.lamp else 0.0,
-        lamp=rng.uniform(-0.45, 0.45, 2),
+        lamp=rng.uniform(-lamp, lamp, 2),
         spread=rng.uniform(0.08, 0.2),
+        still=challenge.still,
+        reach=4.0 if challenge.still else 1.4,  # a target of unit area, or a background one unit wide
+        glow=float(rng.uniform(0.8, 1.1)) if challenge.screen else None,
     )
