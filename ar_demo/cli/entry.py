@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from hdn.commandline import Parser, load, run
 
-from .parsers import export_parser, replace_parser, track_parser
+from .parsers import batch_parser, export_parser, replace_parser, track_parser
 
 LEFT_BEHIND = "nothing unfinished is left"
 
@@ -24,6 +24,11 @@ def track_main(arguments: Sequence[str] | None = None) -> None:
 def export_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-export."""
     _main(export_parser(), "ar_demo.cli.exports:export_command", arguments)
+
+
+def batch_main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of ar-batch."""
+    _main(batch_parser(), "ar_demo.batch.commands:batch_command", arguments)
 
 
 def _main(parser: Parser, command: str, arguments: Sequence[str] | None) -> None:

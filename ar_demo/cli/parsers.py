@@ -170,6 +170,18 @@ def export_parser() -> Parser:
     return parser
 
 
+def batch_parser() -> Parser:
+    """Of ar-batch."""
+    parser = _parser(
+        "ar-batch", "Do many jobs of ar-replace, each as a process of its own, and go on where it was ended.", STATUSES
+    )
+    add = parser.add_argument
+    add("manifest", type=Path, help="the jobs, as .yaml, .json, .toml or .csv; see docs/batch.md")
+    add("--dry-run", action="store_true", help="print a shell command a line, one for each job, and do nothing")
+    add("--quiet", action="store_true", help="no log")
+    return parser
+
+
 def _parser(name: str, description: str, epilog: str) -> Parser:
     parser = _Parser(name, description, epilog)
     parser.argument_default = argparse.SUPPRESS
@@ -256,7 +268,12 @@ def _add_common(parser: Parser) -> None:
 
 
 # The commands that people use every day; each has a manual page.
-PARSERS = {"ar-replace": replace_parser, "ar-track": track_parser, "ar-export": export_parser}
+PARSERS = {
+    "ar-replace": replace_parser,
+    "ar-track": track_parser,
+    "ar-export": export_parser,
+    "ar-batch": batch_parser,
+}
 
 
 def _shutter(text: str) -> float | None:

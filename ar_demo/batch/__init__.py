@@ -1,0 +1,1 @@
+"""Many jobs, each a process of its own: what `ar-batch` does."""
