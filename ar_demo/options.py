@@ -5,6 +5,7 @@ from pathlib import Path
 
 from .choices import Alpha, AudioMode, Backend, Depth, Device, KeptStreams
 from .errors import InputError
+from .frame_range import FrameRange
 from .surface import Moment, Span, check_choices, check_not_negative
 
 
@@ -58,6 +59,8 @@ class OutputOptions:
         tonemap: whether HDR is shown in SDR; else it stays HDR where the codec has more than 8 bits.
         alpha: whether a layer's colours are as they are, or times alpha; None takes what is usual in its format.
         layer_codec: of a layer that is a video; None takes the container's usual that holds transparency.
+        frames: the only ones that are written, for a farm; all tracks are there already. Pictures of other ranges stay,
+            and a video of a part has no sound: see `join`.
         start_number: of the first picture of image sequences that are written; None takes the input's, or 0.
         overwrite: whether an existing output may be replaced.
 
@@ -75,6 +78,7 @@ class OutputOptions:
     tonemap: bool = False
     alpha: Alpha | None = None
     layer_codec: str | None = None
+    frames: FrameRange | None = None
     start_number: int | None = None
     overwrite: bool = False
 

@@ -15,6 +15,7 @@ from .compositing.compositor import open_compositor
 from .errors import InputError
 from .media.claims import Claim, check_name, claimed
 from .media.codecs import holds_sound, is_picture
+from .media.numbering import Numbering
 from .media.reader import IndexDropped, VideoReader
 from .media.sequences import ImageSequence, pictures_of
 from .media.space import warn_of_space
@@ -23,7 +24,7 @@ from .media.threads import ahead, behind
 from .media.writer import VideoWriter
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, Stage, silent
-from .rendering.loop import Renderer
+from .rendering.loop import Renderer, run_up
 from .rendering.outputs import Outputs, OutputWriters
 from .rendering.painting import check_ad
 from .rendering.steady import SteadyView
@@ -163,8 +164,9 @@ class Session(AbstractContextManager["Session"]):
             check_ad(surface)
         if options.backend != "auto":
             open_compositor(options.backend).close()
+        part = self._part(options)
         streams = self._streams(surfaces, outputs, options, Moment())
-        OutputWriters(outputs, self.reader.info, options, streams).discard()
+        OutputWriters(outputs, self.reader.info, options, streams, part).discard()
         if outputs.video is not None:
             warn_of_space(outputs.video.path, options.codec, self.reader.info)
         if outputs.layer is not None:
@@ -211,43 +213,77 @@ class Session(AbstractContextManager["Session"]):
         options: OutputOptions,
         end: Moment,
     ) -> Result:
-        started, info = time.perf_counter(), self.reader.info
+        started, info, part = time.perf_counter(), self.reader.info, self._part(options)
+        first, stop = (0, None) if part is None else (part.start, part.stop)
         streams = self._streams(surfaces, outputs, options, end)
         with (
-            OutputWriters(outputs, info, options, streams) as writer,
+            OutputWriters(outputs, info, options, streams, part) as writer,
             VideoReader(self.reader.source, 16 if writer.is_deep else 8, writer.tonemap) as reader,
             Renderer(self.reader, surfaces, options.backend) as renderer,
-            ahead(until(reader.frames(), end, self.reader.times[0])) as frames,
+            ahead(until(reader.frames(run_up(first), stop), end, self.reader.times[0])) as frames,
             behind(writer.write) as write,
         ):
             length, count = renderer.length, 0
-            show = Stage(self.listen, "render", 0, info.frames if end == Moment() else length)
-            for frame, insert in renderer.draw(self._stop.watch(frames), outputs.apart):
+            in_all = len(part) if part is not None else info.frames if end == Moment() else length
+            show = Stage(self.listen, "render", 0, in_all)
+            for frame, insert in renderer.draw(self._stop.watch(frames), outputs.apart, first):
                 write(frame, insert)
                 count += 1
                 show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.view)
             warnings = [*tracks_warnings(tracks, self.reader.warnings), *self.reader.warnings, *reader.warnings]
             warnings += writer.warnings
             video = outputs.video.path if outputs.video else None
-            if video and options.audio != "none" and info.has_audio and not holds_sound(video):
+            if streams and video and options.audio != "none" and info.has_audio and not holds_sound(video):
                 log.info("%s holds no sound: it is left out", video.suffix)
-            if count < length and end == Moment():
+            if part is None and count < length and end == Moment():
                 of_track = counted(length, "frame")
                 warnings.append(f"{self.reader.path} has only {count} of the track's {of_track}: the rest is left out")
             description = renderer.description
         return Result(
             video,
             count,
-            total(track.counts for track in tracks),
+            total(track.counts_in(part) for track in tracks),
             time.perf_counter() - started,
             description,
-            list(dict.fromkeys([*warnings, *ends_warnings(tracks, count), *streams.warnings])),
-            [{"ad": s.name, "states": track.counts} for s, track in zip(surfaces, tracks, strict=True)],
+            list(
+                dict.fromkeys(
+                    [*warnings, *ends_warnings(tracks, first + count), *(streams.warnings if streams else [])]
+                )
+            ),
+            [{"ad": s.name, "states": track.counts_in(part)} for s, track in zip(surfaces, tracks, strict=True)],
             layer=outputs.layer.path if outputs.layer else None,
             matte=outputs.matte.path if outputs.matte else None,
         )
 
-    def _streams(self, surfaces: Sequence[Surface], outputs: Outputs, options: OutputOptions, end: Moment) -> Streams:
+    def _part(self, options: OutputOptions) -> range | None:
+        """Indices of the frames that are written; None for all.
+
+        Raises:
+            InputError: the video has none of those that are asked for.
+        """
+        if options.frames is None:
+            return None
+        info, times = self.reader.info, self.reader.times
+        zero = info.first_number if options.start_number is None else options.start_number
+        if info.is_pictures:
+            numbers = [zero + round((time - times[0]) * info.rate) for time in times]
+        else:
+            numbers = [*range(zero, zero + len(times))]
+        part = options.frames.indices(numbers)
+        if not part:
+            raise InputError(
+                f"{self.reader.path} has no frame of {options.frames}: its frames are {numbers[0]} to {numbers[-1]}"
+            )
+        if options.frames.last > numbers[-1]:
+            log.warning("%s ends with frame %d, before %d", self.reader.path.name, numbers[-1], options.frames.last)
+        return part
+
+    def _streams(
+        self, surfaces: Sequence[Surface], outputs: Outputs, options: OutputOptions, end: Moment
+    ) -> Streams | None:
+        """What goes along with the picture; None for a part of it, which others are joined to."""
+        if options.frames is not None:
+            return None
         heard = next((surface for surface in surfaces if surface.ad is not None), surfaces[0])
         times = self.reader.times
         return Streams(
@@ -393,7 +429,10 @@ def check_output(output: Path, options: OutputOptions, *inputs: Path | str | Ima
     check_name(output, options.overwrite)
     if is_picture(output) and (there := pictures_of(output)):
         check_not_read(there, [*given, *(file for path in given for file in pictures_of(path))], output)
-        if not options.overwrite:
+        numbering = Numbering.parse(output)
+        if options.frames is not None and numbering is not None:
+            there = [file for file in there if numbering.number_in(file) in options.frames]
+        if there and not options.overwrite:
             raise InputError(f"{there[0]} exists already: choose another output with -o, or give --overwrite")
 
 
@@ -414,7 +453,8 @@ def claimed_output(
     """
     if not isinstance(output, Claim):
         check_output(Path(output), options, *inputs)
-    with claimed(output, options.overwrite) as claim:
+    is_part = options.frames is not None and not isinstance(output, Claim) and is_picture(Path(output))
+    with claimed(output, options.overwrite, str(options.frames) if is_part else "") as claim:
         yield claim
 
 

@@ -87,7 +87,12 @@ class Track:
     @property
     def counts(self) -> dict[str, int]:
         """How many frames of the span are in each state."""
-        counts = Counter(self.states[self.inside])
+        return self.counts_in(None)
+
+    def counts_in(self, part: range | None) -> dict[str, int]:
+        """How many frames of the span, and of a part of the video, are in each state. part: indices; None for all."""
+        inside = range(len(self))[self.inside]
+        counts = Counter(self.states[i] for i in inside if part is None or i in part)
         return {state: counts[state] for state in STATES}
 
     @property

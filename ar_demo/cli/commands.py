@@ -9,6 +9,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..export.exporting import export_track
+from ..frame_range import FrameRange
 from ..importing.loading import load_track
 from ..live import LiveSession
 from ..media.claims import check_different
@@ -17,6 +18,7 @@ from ..media.reader import VideoReader
 from ..media.sequences import ImageSequence, parse_rate
 from ..options import OutputOptions, TrackingOptions
 from ..pipeline import beside, default_output, plan_replacing, plan_tracking, replace, track
+from ..rendering.outputs import OF_SOUND
 from ..results import Plan, Result
 from ..session import claimed_output
 from ..surface import ADS_ALONE, Keyframe, Moment, Span, Surface, parse_polygon, parse_quad
@@ -62,9 +64,11 @@ def _replace(given: Namespace, defaults: Defaults, display: Display) -> int:
         if output is None and layer is None and matte is None:
             output = default_output(input)
         defaults = defaults.fitting(None if output is None else Path(output), said.get("codec"))
+    if "frames" in said:
+        defaults = defaults.without(OF_SOUND)
     options = OutputOptions(**defaults.output() | said)
     surfaces = _surfaces(given, job, input, defaults)
-    _check_tracked(given, surfaces)
+    _check_tracked(given, surfaces, options.frames)
     if "dry_run" in given:
         plan = plan_replacing(input, surfaces, output, tracking, options, save_track, layer, matte)
         return _tell(plan, given, log)
@@ -150,6 +154,8 @@ def _of(kind: type, given: Namespace) -> dict[str, Any]:
             values[name] = Moment.parse(values[name])
     if "time" in values:
         values["time"] = Span.parse(values["time"])
+    if "frames" in values:
+        values["frames"] = FrameRange.parse(values["frames"])
     if "quad" in values:
         values["quad"] = parse_quad(values["quad"])
     if "region" in values:
@@ -202,9 +208,12 @@ def _placed(ad: str, corners: str, values: dict[str, Any], is_mixed: bool, defau
     return Surface(**own | {"ad": None if ad == "-" else Path(ad), "quad": parse_quad(corners)})
 
 
-def _check_tracked(given: Namespace, surfaces: list[Surface]) -> None:
-    """Raises InputError for options of tracking where nothing is to be tracked."""
-    if all(s.track is not None and not needs_correction(s.track, s.keyframes) for s in surfaces):
+def _check_tracked(given: Namespace, surfaces: list[Surface], frames: FrameRange | None = None) -> None:
+    """Raises InputError for options of tracking where nothing is to be tracked, and for a part where something is."""
+    is_tracked = all(s.track is not None and not needs_correction(s.track, s.keyframes) for s in surfaces)
+    if frames is not None and not is_tracked:
+        raise InputError("--frames renders from finished tracks: make them once with ar-track, and give --track")
+    if is_tracked:
         for name in ("smooth", "device", "weights"):
             if name in given:
                 raise InputError(f"{flag(name)} does nothing, for the track is complete: leave it out")

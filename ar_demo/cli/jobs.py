@@ -28,6 +28,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 
 from ..choices import Alpha, AudioMode, Backend, Blend, Depth, Device, Effect, Fit, Grain, KeptStreams, Lost, Playback
 from ..errors import InputError
+from ..frame_range import FrameRange
 from ..importing.loading import load_track
 from ..media.download import is_url
 from ..media.sequences import ImageSequence
@@ -130,6 +131,7 @@ class RenderingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     tonemap: bool | UnsetType = UNSET
     alpha: Alpha | UnsetType = UNSET
     layer_codec: str | UnsetType = UNSET
+    frames: Annotated[str, Meta(pattern=r"^\d+(-\d+)?$")] | UnsetType = UNSET  # as "1-100"
     start_number: Annotated[int, Meta(ge=0)] | UnsetType = UNSET
     overwrite: bool | UnsetType = UNSET
 
@@ -204,7 +206,10 @@ class Job:
 
     def output_options(self) -> dict[str, Any]:
         """What the job says of `OutputOptions`."""
-        return _given(self._entry.rendering)
+        given = _given(self._entry.rendering)
+        if "frames" in given:
+            given["frames"] = FrameRange.parse(given["frames"])
+        return given
 
 
 def load_job(path: Path) -> Job:

@@ -128,6 +128,11 @@ def replace_parser() -> Parser:
     add(
         "--start-number", type=int, metavar="N", help="of image sequences that are written (default: the input's, or 0)"
     )
+    add(
+        "--frames",
+        metavar="A-B",
+        help="render these frames of a --track alone, by the numbers of their pictures; others that are there stay",
+    )
     add("--layer-codec", metavar="CODEC", help="prores4444, animation, ffv1 or vp9 (default: the container's usual)")
     _add_common(parser)
     return parser

@@ -60,12 +60,13 @@ class Claim:
         part: file, or folder, beside it that is to be written; `finish` gives it the output's name.
     """
 
-    def __init__(self, path: Path | str, overwrite: bool = False) -> None:
+    def __init__(self, path: Path | str, overwrite: bool = False, share: str = "") -> None:
         """Claims a name, and removes what dead runs left in its folder.
 
         Args:
             path: a file in a folder that exists.
             overwrite: whether a file of this name may be replaced.
+            share: of an image sequence, which others may write other parts of meanwhile; none for all of it.
 
         Raises:
             InputError: the name cannot be had: see `check_name`; another run is writing to it.
@@ -73,7 +74,7 @@ class Claim:
         """
         self.path, self._overwrite = Path(path), overwrite
         check_name(self.path, overwrite)
-        stem = _PREFIX + hashlib.blake2b(os.fsencode(self.path.name), digest_size=8).hexdigest()
+        stem = _PREFIX + hashlib.blake2b(os.fsencode(self.path.name + share), digest_size=8).hexdigest()
         self._file = self.path.with_name(stem + _CLAIM)
         self.part = self.path.with_name(f"{stem}{_PART}{self.path.suffix}")
         _remove_dead(self.path.parent)
@@ -134,7 +135,7 @@ class Claim:
 
 
 @contextmanager
-def claimed(output: Path | str | Claim, overwrite: bool = True) -> Iterator[Claim]:
+def claimed(output: Path | str | Claim, overwrite: bool = True, share: str = "") -> Iterator[Claim]:
     """A claim for as long as the context lasts; one that is given stays its owner's.
 
     Raises:
@@ -143,7 +144,7 @@ def claimed(output: Path | str | Claim, overwrite: bool = True) -> Iterator[Clai
     if isinstance(output, Claim):
         yield output
         return
-    with Claim(output, overwrite) as claim:
+    with Claim(output, overwrite, share) as claim:
         yield claim
 
 

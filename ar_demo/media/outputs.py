@@ -25,6 +25,7 @@ def open_output(
     crf: float | None = None,
     streams: Streams | None = None,
     alpha: bool = False,
+    whole: bool = True,
 ) -> Writer:
     """Begins an output of a video's size and times; see `VideoWriter` and `SequenceWriter`.
 
@@ -63,5 +64,6 @@ def open_output(
         alpha=alpha,
         first=info.first_number,
         rate=info.rate if info.is_pictures else None,
+        whole=whole,
         light=to_linear if info.hdr is None or form.colour is None else info.hdr.light,
     )

@@ -40,6 +40,7 @@ class SequenceWriter:
         first: int = 0,
         rate: Fraction | None = None,
         light: Light = to_linear,
+        whole: bool = True,
     ) -> None:
         """Begins a sequence; what there is of one of this name is replaced.
 
@@ -53,6 +54,7 @@ class SequenceWriter:
             rate: frames per second, by which a frame's time, from 0 on, gives its number, so that pictures that cannot
                 be read leave a gap; None numbers them one after the other.
             light: what coded values, uint8 or uint16, are in linear light, for OpenEXR.
+            whole: whether it takes the place of all pictures of this name, else of those with its numbers.
 
         Raises:
             InputError: the ending is that of no picture.
@@ -62,6 +64,7 @@ class SequenceWriter:
         suffix = self.path.suffix.lower()
         self._codec = codecs.picture_codec(self.path)
         self._size, self._alpha, self._first, self._rate = (width, height), alpha, first, rate
+        self._is_whole = whole
         self._numbers: list[int] = []  # of the pictures that are complete
         self._names = Numbering.parse(self.path)
         self._pix_fmt = codecs.pixel_format(self._codec, suffix, width, height, depth, alpha=alpha)
@@ -149,7 +152,7 @@ class SequenceWriter:
         if not self._numbers:
             raise RunError(f"cannot write {self.path}: there is no frame to write")
         try:
-            for number in self._names.numbers() if self._names else []:
+            for number in self._names.numbers() if self._names and self._is_whole else []:
                 self._name(number).unlink()  # those of a longer one would seem to belong to this one
             for number in self._numbers:
                 os.replace(self._part(number), self._name(number))

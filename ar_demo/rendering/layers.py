@@ -28,7 +28,12 @@ class LayerWriter(AbstractContextManager["LayerWriter"]):
     """Writes inserts with their alpha, in frames of the video's size and at its times."""
 
     def __init__(
-        self, output: Path | Claim, info: VideoInfo, codec: str | None = None, alpha: Alpha | None = None
+        self,
+        output: Path | Claim,
+        info: VideoInfo,
+        codec: str | None = None,
+        alpha: Alpha | None = None,
+        whole: bool = True,
     ) -> None:
         """Begins a layer.
 
@@ -38,6 +43,7 @@ class LayerWriter(AbstractContextManager["LayerWriter"]):
             codec: of a video; None takes the container's usual that holds transparency.
             alpha: whether colours are times alpha; None takes what is usual: 'premultiplied' for OpenEXR, else
                 'straight'.
+            whole: of an image sequence, see `SequenceWriter`.
 
         Raises:
             InputError: an output that holds no transparency, or not this kind.
@@ -52,7 +58,9 @@ class LayerWriter(AbstractContextManager["LayerWriter"]):
             raise InputError(f"{chosen.title} with alpha has 8 bits, too few for HDR: use .mov, .exr or --tonemap")
         self._is_straight = self._light is None and alpha != "premultiplied"
         self._levels = (1 << min(info.depth, 16)) - 1  # as many as the video has
-        self._writer = open_output(output, info, Form(chosen.name, 8, None, _tagged(info.colour)), alpha=True)
+        self._writer = open_output(
+            output, info, Form(chosen.name, 8, None, _tagged(info.colour)), alpha=True, whole=whole
+        )
 
     def write(self, insert: Insert, time: Fraction, duration: Fraction | None = None) -> None:
         """Appends a frame; see `VideoWriter.write`."""
@@ -72,13 +80,13 @@ class LayerWriter(AbstractContextManager["LayerWriter"]):
 class MatteWriter(AbstractContextManager["MatteWriter"]):
     """Writes the alpha of inserts as grey pictures: black where the video is seen, white where the insert is."""
 
-    def __init__(self, output: Path | Claim, info: VideoInfo, codec: str | None = None) -> None:
+    def __init__(self, output: Path | Claim, info: VideoInfo, codec: str | None = None, whole: bool = True) -> None:
         """Begins a matte; see `LayerWriter`."""
         path = output.path if isinstance(output, Claim) else output
         self._light = _light(path, info)
         self._levels = (1 << min(info.depth, 16)) - 1  # as many as the video has
         form = Form(codecs.choose(path, codec).name, 16 if codecs.is_picture(path) else 8, None, BT709)
-        self._writer = open_output(output, info, form)
+        self._writer = open_output(output, info, form, whole=whole)
 
     def write(self, insert: Insert, time: Fraction, duration: Fraction | None = None) -> None:
         """Appends a frame; see `VideoWriter.write`."""

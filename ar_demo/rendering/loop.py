@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace as changed
 from fractions import Fraction
 from typing import Any
 
@@ -20,6 +21,13 @@ from ..surface import Surface
 from ..tracks import Track
 from .painting import Painter
 from .presentation import presentation
+
+RUN_UP_FRAMES = 50  # before a part of a video, of which its light, grain and shutter are known
+
+
+def run_up(first: int) -> int:
+    """Index of the frame from which frames are looked at, so that those from `first` on look as in the whole video."""
+    return max(first - RUN_UP_FRAMES, 0)
 
 
 class _Drawn:
@@ -48,9 +56,11 @@ class _Drawn:
             return None
         lost, cut = track.states[index] == "lost", index in track.cuts
         motion = track.motion(index)
-        return self._appearance.conditions(
+        found = self._appearance.conditions(
             image, track.corners[index], float(track.deviation[index]), lost, cut, motion
         )
+        # By the frame's own number, so that a part of the video has the grain that it has in the whole.
+        return found if found.grain is None else changed(found, grain=changed(found.grain, number=index))
 
     def draw(self, frame: Frame, elapsed: Fraction, conditions: Conditions | None, cover: Grey | None) -> Box | None:
         """Draws into the frame; elapsed: seconds since the video began. See `Painter.draw` for the rest."""
@@ -98,12 +108,20 @@ class Renderer(AbstractContextManager["Renderer"]):
         """Frames of the longest track."""
         return max(len(drawn.track) for drawn in self._drawn)
 
-    def draw(self, frames: Iterable[Frame], apart: bool = False) -> Iterator[tuple[Frame, Insert | None]]:
+    def draw(
+        self, frames: Iterable[Frame], apart: bool = False, first: int = 0
+    ) -> Iterator[tuple[Frame, Insert | None]]:
         """Frames from the video, of 8 or 16 bits, with the ads on them: they are drawn into in place, and say where.
 
-        Args: apart: whether what was laid on them comes beside them, by itself.
+        Args:
+            apart: whether what was laid on them comes beside them, by itself.
+            first: index of the first frame that is drawn into; those before are looked at alone, see `run_up`.
         """
         for frame in frames:
+            if frame.index < first:
+                for drawn in self._drawn:
+                    drawn.conditions(frame.index, frame.view)
+                continue
             before = frame.image.copy()
             cover = np.zeros(frame.image.shape[:2], np.float32) if apart else None
             boxes = self._draw(frame, cover)

@@ -64,6 +64,8 @@ class Outputs:
             _refuse(options, OF_A_VIDEO + OF_SOUND, "is for the video that -o names, and there is none")
         elif not holds_sound(self.video.path) and options.audio != "none":
             _refuse(options, OF_SOUND, f"is for sound, and {self.video.path.suffix} holds none")
+        elif options.frames is not None:
+            _refuse(options, OF_SOUND, "is for sound, which a part of a video gets when it is joined to the others")
         if self.layer is None:
             _refuse(options, ("alpha", "layer_codec"), "does nothing without --layer")
         if not any(map(is_picture, self.paths)):
@@ -88,9 +90,16 @@ class OutputWriters(AbstractContextManager["OutputWriters"]):
     """
 
     def __init__(
-        self, outputs: Outputs, info: VideoInfo, options: OutputOptions, streams: Streams | None = None
+        self,
+        outputs: Outputs,
+        info: VideoInfo,
+        options: OutputOptions,
+        streams: Streams | None = None,
+        part: range | None = None,
     ) -> None:
         """Begins the outputs, of the size and at the times of a video.
+
+        Args: part: indices of the frames that will be written; None for all.
 
         Raises:
             InputError: a name or an option that does not go together.
@@ -99,6 +108,9 @@ class OutputWriters(AbstractContextManager["OutputWriters"]):
         outputs.check(options)
         if options.start_number is not None:
             info = changed(info, first_number=options.start_number)
+        if part is not None and not info.is_pictures:  # which are numbered by their times
+            info = changed(info, first_number=info.first_number + part.start)
+        whole = part is None
         self.warnings: list[str] = []
         self.tonemap = options.tonemap
         self._video: Writer | None = None
@@ -109,7 +121,10 @@ class OutputWriters(AbstractContextManager["OutputWriters"]):
                 form = form_of(outputs.video.path, info, options.depth, options.codec, self.tonemap)
                 self.tonemap = form.colour is None
                 self.warnings += form.warnings
-                self._video, self._bits = open_output(outputs.video, info, form, options.crf, streams), form.depth
+                self._video, self._bits = (
+                    open_output(outputs.video, info, form, options.crf, streams, whole=whole),
+                    form.depth,
+                )
                 opened.push(self._video)
             if self.tonemap and info.hdr is not None:
                 info = changed(info, colour=BT709, hdr=None)
@@ -118,10 +133,10 @@ class OutputWriters(AbstractContextManager["OutputWriters"]):
                         f"{outputs.layer.path} is in SDR, as the video is: it fits that, not the source"
                     )
             if outputs.layer is not None:
-                self._apart.append(LayerWriter(outputs.layer, info, options.layer_codec, options.alpha))
+                self._apart.append(LayerWriter(outputs.layer, info, options.layer_codec, options.alpha, whole))
                 opened.push(self._apart[-1])
             if outputs.matte is not None:
-                self._apart.append(MatteWriter(outputs.matte, info))
+                self._apart.append(MatteWriter(outputs.matte, info, whole=whole))
                 opened.push(self._apart[-1])
             self._opened = opened.pop_all()
         self.is_deep = outputs.apart or self._bits > 8  # alpha is worked out in 16 bits

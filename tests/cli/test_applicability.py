@@ -71,6 +71,7 @@ OPTIONS: dict[str, list[str]] = {
     "alpha": ["--alpha", "premultiplied"],
     "layer_codec": ["--layer-codec", "animation"],
     "start_number": ["--start-number", "1001"],
+    "frames": ["--frames", "1-2"],
     "overwrite": ["--overwrite"],
 }
 OF_BOTH = (
