@@ -42,7 +42,12 @@ from .quality import NAMES
 from .scenes import COMPOSITES, Scene, Scores, evaluate, read_scenes
 
 # Modules that change no figure.
-NO_PART = ("cli", "compositing/benchmark", "evaluation/cli", "evaluation/published", "evaluation/report", "progress")
+NO_PART = (
+    "cli",
+    "compositing/benchmark",
+    *(f"evaluation/{name}" for name in ("cli", "drawn_clips", "published", "report", "speed", "stages", "transcode")),
+    "progress",
+)
 SHEET_ROWS = 9
 
 T = TypeVar("T")

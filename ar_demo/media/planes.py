@@ -68,7 +68,7 @@ class Planes:
             drawn: where it was drawn into; chroma samples that a changed pixel has a part in are changed too.
             from_rgb: converts to `pix_fmt` and `colour`.
         """
-        frame = self._own()
+        frame = self.own()
         unit = cell(self.pix_fmt)
         for box, changed in drawn:
             outer = grown(box, MARGIN_CELLS, unit, image.shape)
@@ -85,15 +85,19 @@ class Planes:
                 np.copyto(samples(frame, index)[rows, columns], new, where=_in_cells(changed, box, width, height))
         return frame
 
-    def _own(self) -> av.VideoFrame:
-        """The picture, upright, in memory that nobody else has."""
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, upright, px."""
+        width, height = self._frame.width, self._frame.height
+        return (height, width) if self._rotation in (90, 270) else (width, height)
+
+    def own(self) -> av.VideoFrame:
+        """The picture, upright, in memory that nobody else has; once, see `with_drawn`."""
         if not self._rotation and self.pix_fmt == self._frame.format.name:
             self._frame.make_writable()
             self._frame.pict_type = 0  # else the encoder takes over the source's key frames
             return self._frame
-        sideways = self._rotation in (90, 270)
-        width, height = (self._frame.width, self._frame.height)[:: -1 if sideways else 1]
-        own = av.VideoFrame(width, height, self.pix_fmt)
+        own = av.VideoFrame(*self.size, self.pix_fmt)
         self.colour.tag(own)
         for index in range(len(own.planes)):
             plane = samples(self._frame, index)

@@ -186,31 +186,28 @@ class VideoWriter:
         shape = self._size[1], self._size[0], self._channels
         if image.shape != shape or image.dtype not in (np.uint8, np.uint16):
             raise ValueError(f"frame is {image.dtype} {image.shape}, not {shape} of 8 or 16 bits")
-        if self._start is None:
-            self._start = time
-            self._zero = time if self._streams is None else self._streams.begin(time)
-        elif time <= self._last:
-            raise ValueError(f"frame time {time} is not later than {self._last}")
-        self._last = time
-        self._end = time + (duration or 1 / self._rate)
-        pts = round((time - self._zero) / self._time_base)
-        if self._count and pts - self._pts < self._least_ticks:
-            self._say_left_out()
+        pts = self._tick_of(time, duration)
+        if pts is None:
             return
-        self._pts = pts
-        self._count += 1
         convert = self._to_frame
         if planes is not None and isinstance(convert, FromRGB) and (planes.pix_fmt, planes.colour) == self._form:
             frame = planes.with_drawn(image, drawn, convert)
         else:
             frame = convert(image)
-        self._form[1].tag(frame)  # some encoders go by these, and some by their own
-        frame.time_base, frame.pts = self._time_base, pts
-        frame.duration = round((duration or 1 / self._rate) / self._time_base)
-        if self._streams is not None:
-            streams = self._streams
-            self._mux(lambda: streams.packets(time))
-        self._mux(lambda: self._encode(frame))
+        self._append(frame, pts, time, duration)
+
+    def copy(self, planes: Planes, time: Fraction, duration: Fraction | None = None) -> None:
+        """Appends a picture as it was decoded; time and duration as `write` takes them.
+
+        Raises:
+            ValueError: the file has another size, pixel format or colour; the time is not later than the one before.
+            RunError: writing failed.
+        """
+        if (planes.size, (planes.pix_fmt, planes.colour)) != (self._size, self._form):
+            raise ValueError(f"a picture in {planes.pix_fmt} cannot be copied to a file in {self._form[0]}")
+        pts = self._tick_of(time, duration)
+        if pts is not None:
+            self._append(planes.own(), pts, time, duration)
 
     def discard(self) -> None:
         """Closes everything and removes the unfinished file, as leaving the context by an exception does."""
@@ -224,6 +221,32 @@ class VideoWriter:
             self._claim.release()
 
     # ---- inside ----
+
+    def _tick_of(self, time: Fraction, duration: Fraction | None) -> int | None:
+        """Takes note of the next frame's time, and says its tick; None for a frame that is left out."""
+        if self._start is None:
+            self._start = time
+            self._zero = time if self._streams is None else self._streams.begin(time)
+        elif time <= self._last:
+            raise ValueError(f"frame time {time} is not later than {self._last}")
+        self._last = time
+        self._end = time + (duration or 1 / self._rate)
+        pts = round((time - self._zero) / self._time_base)
+        if self._count and pts - self._pts < self._least_ticks:
+            self._say_left_out()
+            return None
+        self._pts = pts
+        self._count += 1
+        return pts
+
+    def _append(self, frame: av.VideoFrame, pts: int, time: Fraction, duration: Fraction | None) -> None:
+        self._form[1].tag(frame)  # some encoders go by these, and some by their own
+        frame.time_base, frame.pts = self._time_base, pts
+        frame.duration = round((duration or 1 / self._rate) / self._time_base)
+        if self._streams is not None:
+            streams = self._streams
+            self._mux(lambda: streams.packets(time))
+        self._mux(lambda: self._encode(frame))
 
     def _say_left_out(self) -> None:
         if not self._leaves_out:
