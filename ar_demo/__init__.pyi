@@ -2,7 +2,9 @@ from .errors import InputError, RunError, Stopped
 from .export.exporting import ExportOptions, export_track
 from .export.formats import Exporter
 from .export.keys import Keys
+from .frame_range import FrameRange
 from .importing.loading import load_track
+from .joining import join
 from .live import LiveSession
 from .media.sequences import ImageSequence
 from .options import OutputOptions, TrackingOptions
@@ -17,6 +19,7 @@ from .tracks import Track
 __all__ = [
     "ExportOptions",
     "Exporter",
+    "FrameRange",
     "ImageSequence",
     "InputError",
     "Keyframe",
@@ -35,6 +38,7 @@ __all__ = [
     "Track",
     "TrackingOptions",
     "export_track",
+    "join",
     "load_track",
     "parse_quad",
     "replace",

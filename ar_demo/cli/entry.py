@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from hdn.commandline import Parser, load, run
 
-from .parsers import batch_parser, export_parser, replace_parser, track_parser
+from .parsers import batch_parser, export_parser, join_parser, replace_parser, track_parser
 
 LEFT_BEHIND = "nothing unfinished is left"
 
@@ -24,6 +24,11 @@ def track_main(arguments: Sequence[str] | None = None) -> None:
 def export_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-export."""
     _main(export_parser(), "ar_demo.cli.exports:export_command", arguments)
+
+
+def join_main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of ar-join."""
+    _main(join_parser(), "ar_demo.cli.joining:join_command", arguments)
 
 
 def batch_main(arguments: Sequence[str] | None = None) -> None:

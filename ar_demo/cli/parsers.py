@@ -98,18 +98,7 @@ def replace_parser() -> Parser:
     add("--effect", choices=CHOICES["effect"], help="all but replace need no ad")
     add = parser.add_argument_group("the output").add_argument
     add("--audio", choices=CHOICES["audio"], help="whose sound (default: source)")
-    add(
-        "--streams",
-        choices=CHOICES["streams"],
-        help="all of the source's sound tracks, subtitles and data (default), or its first sound alone",
-    )
-    add(
-        "--no-location",
-        dest="location",
-        action="store_const",
-        const=False,
-        help="leave out the place where the source was taken",
-    )
+    _add_streams(add)
     add("--backend", choices=CHOICES["backend"], help="what draws (default: auto)")
     add("--crf", type=float, help="quality, lower is better")
     add(
@@ -175,6 +164,26 @@ def export_parser() -> Parser:
     return parser
 
 
+def join_parser() -> Parser:
+    """Of ar-join."""
+    parser = _parser(
+        "ar-join",
+        "Join parts of a video that ar-replace --frames rendered, without encoding them anew, and add its sound.",
+        STATUSES,
+    )
+    add = parser.add_argument
+    add("input", help="the video that the parts are of, whose sound and times the output gets")
+    add("parts", type=Path, nargs="+", metavar="PART", help="the parts, in their order, rendered with the same options")
+    add("-o", "--output", type=Path, required=True, help="video to write")
+    add("--audio", choices=("source", "none"), help="whose sound (default: source)")
+    _add_streams(add)
+    add("--overwrite", action="store_true", help="replace an existing output")
+    add("--strict", action="store_true", help="exit with 1 where there was a warning, as for a damaged input")
+    add("--quiet", action="store_true", help="no log")
+    add("--json", action="store_true", help="print a machine-readable summary")
+    return parser
+
+
 def batch_parser() -> Parser:
     """Of ar-batch."""
     parser = _parser(
@@ -235,6 +244,21 @@ def _add_tracking(parser: Parser, use_of_track: str) -> None:
     add("--weights", type=Path, help="another weights file (.safetensors)")
 
 
+def _add_streams(add: Any) -> None:
+    add(
+        "--streams",
+        choices=CHOICES["streams"],
+        help="all of the source's sound tracks, subtitles and data (default), or its first sound alone",
+    )
+    add(
+        "--no-location",
+        dest="location",
+        action="store_const",
+        const=False,
+        help="leave out the place where the source was taken",
+    )
+
+
 def _add_export(add: Any) -> None:
     add(
         "--format",
@@ -277,6 +301,7 @@ PARSERS = {
     "ar-replace": replace_parser,
     "ar-track": track_parser,
     "ar-export": export_parser,
+    "ar-join": join_parser,
     "ar-batch": batch_parser,
 }
 
