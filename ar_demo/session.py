@@ -147,7 +147,9 @@ class Session(AbstractContextManager["Session"]):
         new = [surface for surface in surfaces if surface.track is None]
         measured = iter(self._passes(options).track(new) if new else [])
         return [
-            changed(surface, quad=None, snap=False, start=FIRST, region=None, exclude=(), track=next(measured))
+            changed(
+                surface, quad=None, snap=False, start=FIRST, region=None, exclude=(), track=next(measured).as_saved()
+            )
             if surface.track is None
             else changed(surface, track=self._corrected(surface, surface.track, options))
             for surface in surfaces
@@ -367,7 +369,7 @@ class Session(AbstractContextManager["Session"]):
     def _corrected(self, surface: Surface, track: Track, options: TrackingOptions) -> Track:
         if not needs_correction(track, surface.keyframes):
             return track
-        return self._passes(options).correct(track, surface.keyframes)
+        return self._passes(options).correct(track, surface.keyframes).as_saved()
 
     def _numbered_rightly(self, work: Callable[[], T]) -> T:
         """What the work gives; it starts over where the file's packets proved to number its frames wrongly."""

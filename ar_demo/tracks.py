@@ -165,6 +165,10 @@ class Track:
         """
         write_whole(path, self.as_json().encode())
 
+    def as_saved(self) -> "Track":
+        """The track that its file would give, so that what is made of either is the same."""
+        return _parse(json.loads(self.as_json()))
+
     def as_json(self) -> str:
         """What a track file has in it."""
         frames = []

@@ -146,3 +146,13 @@ def test_a_span_is_kept(track: Track, tmp_path: Path) -> None:
     assert part.seconds == (Fraction(1001, 30000), Fraction(3 * 1001, 30000))
     part.save(tmp_path / "t.json")
     assert Track.load(tmp_path / "t.json").span == (1, 2)
+
+
+def test_the_track_as_saved_is_that_of_its_file(track: Track, tmp_path: Path) -> None:
+    track.corners += 1 / 3
+    track.save(tmp_path / "t.json")
+    saved, loaded = track.as_saved(), Track.load(tmp_path / "t.json")
+    np.testing.assert_array_equal(saved.corners, loaded.corners)
+    np.testing.assert_array_equal(saved.deviation, loaded.deviation)
+    assert saved.times == loaded.times == track.times
+    assert not np.array_equal(saved.corners, track.corners, equal_nan=True)

@@ -1,27 +1,55 @@
 """What ar-batch does."""
 
+import json
 import shlex
 from argparse import Namespace
+from pathlib import Path
+
+from hdn.commandline import DONE, FAILED
 
 from ..cli.reporting import set_up_logging
 from ..errors import InputError
 
 MISSING = "a batch takes packages that are not installed: install them with pip install 'ar-replace[batch]'"
+PACKAGES = ("distributed", "fsspec", "psutil", "pydantic", "ruamel")
 
 
 def batch_command(given: Namespace) -> int:
     """ar-batch, by what is given on its command line."""
-    set_up_logging("quiet" in given)
     try:
-        from .jobs import expand
-        from .manifest import load
+        return _batch(given)
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] in ("pydantic", "ruamel"):
+        if (error.name or "").partition(".")[0] in PACKAGES:
             raise InputError(MISSING) from error
         raise
+
+
+def _batch(given: Namespace) -> int:
+    from .jobs import expand
+    from .local import LocalPool, usual_workers
+    from .manifest import load
+    from .running import Batch, Settings
+    from .state import State
+    from .summary import as_json, in_words, table, write
+
+    set_up_logging("quiet" in given)
     manifest, document = load(given.manifest)
     jobs = expand(manifest, document)
     if "dry_run" in given:
         for job in jobs:
             print(shlex.join(["ar-replace", *job.arguments]))
-    return 0
+        return DONE
+    names = ("retries", "time_limit", "memory_limit")
+    settings = Settings(**{name: getattr(given, name) for name in names if name in given})
+    folder: Path = given.state if "state" in given else given.manifest.with_suffix(".batch")
+    with State(folder) as state, LocalPool(getattr(given, "workers", usual_workers()), [state.lock]) as pool:
+        batch = Batch(state, pool, settings)
+        try:
+            batch.run(jobs)
+        finally:
+            write(batch.done, folder, f"{given.manifest.name}: {in_words(batch.done)}")
+    if "json" in given:
+        print(json.dumps(as_json(batch.done)))
+    else:
+        print(table(batch.done))
+    return DONE if all(done.is_good for done in batch.done) else FAILED

@@ -27,9 +27,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic_core import ErrorDetails
 
 from ..errors import InputError
+from ..units import parse_bytes, parse_seconds
 from .documents import Document, Keys, read
 from .options import Number, options
-from .units import parse_bytes, parse_seconds
 
 SCHEMA = Path(__file__).with_name("manifest.schema.json")
 MANY = ("input", "ad")  # options that can be lists, or globs

@@ -49,6 +49,11 @@ class Defaults:
     def __init__(self, values: Mapping[str, Any] | None = None) -> None:
         self._values = dict(values or {})
 
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """All of them."""
+        return self._values
+
     def without(self, names: Container[str]) -> "Defaults":
         """All others than these."""
         return Defaults({name: value for name, value in self._values.items() if name not in names})

@@ -3,18 +3,21 @@
 import argparse
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from hdn.commandline import Parser
+from hdn.commandline import Parser, natural
 
 from ..choices import CHOICES
+from ..units import parse_bytes, parse_seconds
 
 CORNER = r"\s*[^\s,]+,[^\s,.]+(\.\d*)?\s*"  # x,y and not a file's name with a comma in it
 CORNERS = re.compile(f"({CORNER})+")
 FIRST_FRAME = (
     "number of the video's first frame in other programs (default: an image sequence's, 1 in Nuke and Blender, else 0)"
 )
+T = TypeVar("T")
 STATUSES = (
     "Exit status: 0 done, 1 failed while working, 2 wrong input; 130, 143 and 129 ended by Ctrl-C, SIGTERM and SIGHUP."
 )
@@ -192,7 +195,13 @@ def batch_parser() -> Parser:
     add = parser.add_argument
     add("manifest", type=Path, help="the jobs, as .yaml, .json, .toml or .csv; see docs/batch.md")
     add("--dry-run", action="store_true", help="print a shell command a line, one for each job, and do nothing")
+    add("--workers", type=natural, metavar="N", help="jobs at a time (default: one for two cores)")
+    add("--retries", type=_count, metavar="N", help="further tries of a job that failed while working (default: 1)")
+    add("--time-limit", type=_seconds, metavar="TIME", help="that a job may take at most, as 90s, 10m or 1.5h")
+    add("--memory-limit", type=_bytes, metavar="SIZE", help="that a job may take at most, as 4GB")
+    add("--state", type=Path, metavar="FOLDER", help="what is done so far, and the summary (default: MANIFEST.batch)")
     add("--quiet", action="store_true", help="no log")
+    add("--json", action="store_true", help="print a machine-readable summary")
     return parser
 
 
@@ -308,3 +317,25 @@ PARSERS = {
 
 def _shutter(text: str) -> float | None:
     return None if text == "auto" else float(text)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 0 on")
+    return int(text)
+
+
+def _seconds(text: str) -> float:
+    return _said(parse_seconds, text)
+
+
+def _bytes(text: str) -> int:
+    return _said(parse_bytes, text)
+
+
+def _said(parse: Callable[[str], T], text: str) -> T:
+    """What a text says; argparse tells the reason of its own errors alone."""
+    try:
+        return parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error

@@ -1,0 +1,226 @@
+"""Jobs from the first to the last: what is done already is skipped, what fails is tried again, all is written down."""
+
+import json
+import logging
+from collections import defaultdict, deque
+from collections.abc import Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from hdn.commandline import FAILED
+
+from ..errors import InputError, RunError
+from ..media.claims import write_whole
+from .identity import OF_A_TRACK, identity, stamp, track_key
+from .jobs import Job
+from .process import Outcome
+from .state import State
+from .task import Task, log_of, result_of
+
+log = logging.getLogger(__name__)
+
+Ending = Literal["done", "kept", "wrong", "failed"]
+ENDINGS: tuple[Ending, ...] = ("failed", "wrong", "done", "kept")  # worst first
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What holds for all jobs of a batch.
+
+    Attributes:
+        retries: how often a job is tried again that failed while working, where the manifest does not say.
+        time_limit, memory_limit: seconds and bytes that a job may take at most, whatever the manifest says.
+        forced: options that jobs are done with, whatever the manifest says.
+    """
+
+    retries: int = 1
+    time_limit: float | None = None
+    memory_limit: int | None = None
+    forced: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a job ended.
+
+    Attributes:
+        ending: done now, kept from an earlier run, refused as wrong, or failed.
+        attempts, seconds: of it; result: what `ar-replace --json` printed; message: what went wrong.
+    """
+
+    job: Job
+    ending: Ending
+    attempts: int
+    seconds: float
+    result: dict[str, Any]
+    message: str = ""
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the output is there."""
+        return self.ending in ("done", "kept")
+
+
+class Pool(Protocol):
+    """Where tasks are done."""
+
+    @property
+    def capacity(self) -> int:
+        """How many tasks it can have at a time without one waiting for long."""
+
+    def submit(self, task: Task) -> "Future[Outcome]":
+        """Takes a task. A future that is cancelled, or has another error than ours, means that its worker was lost."""
+
+
+@dataclass
+class _Begun:
+    job: Job
+    identity: str
+    track: str | None
+    attempt: int = 1
+    seconds: float = 0.0
+
+
+class Batch:
+    """Does jobs in a pool, each once."""
+
+    def __init__(self, state: State, pool: Pool, settings: Settings) -> None:
+        self._state, self._pool, self._settings = state, pool, settings
+        self._running: dict[Future[Outcome], _Begun] = {}
+        self._making: set[str] = set()  # tracks that are being made
+        self._parked: dict[str, list[Job]] = defaultdict(list)  # jobs that wait for one
+        self._total = 0
+        self.done: list[Done] = []
+
+    def run(self, jobs: Sequence[Job]) -> list[Done]:
+        """Does all that are not done; how each ended, in the order of the manifest.
+
+        Raises:
+            RunError: the state cannot be written.
+        """
+        ready, self._total = deque(jobs), len(jobs)
+        while ready or self._running:
+            while ready and len(self._running) < self._pool.capacity:
+                self._begin(ready.popleft())
+            if not self._running:
+                continue
+            finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
+            for future in finished:
+                begun = self._running.pop(future)
+                self._take(begun, _outcome(future))
+                if begun.track is not None and begun.track not in self._making:
+                    ready.extendleft(reversed(self._parked.pop(begun.track, [])))
+        return sorted(self.done, key=lambda done: done.job.number)
+
+    def _begin(self, job: Job) -> None:
+        """Begins a job, unless it is done already, must wait for a track, or cannot be."""
+        try:
+            mine, track = identity(job, self._state), track_key(job, self._state)
+            kept = self._state.finished(mine)
+            if kept is not None and all(stamp(output) == kept[3].get(output) for output in job.outputs.values()):
+                self._tell(Done(job, "kept", kept[0], kept[1], kept[2]))
+                return
+            if track in self._making:
+                assert track is not None
+                self._parked[track].append(job)
+                return
+            self._check_free(job)
+        except InputError as error:
+            self._tell(Done(job, "wrong", 0, 0.0, {}, str(error)))
+            return
+        self._state.begin(mine, job.name, _files(job))
+        if track is not None and not self._track(track).exists():
+            self._making.add(track)
+        self._submit(_Begun(job, mine, track))
+
+    def _check_free(self, job: Job) -> None:
+        """Raises InputError where an output is there already that no job of this batch made."""
+        if job.values.get("overwrite"):
+            return
+        outputs = set(job.outputs.values())
+        for path in _files(job):
+            now, made = stamp(path), self._state.stamp(path)
+            if now and (made is None or (path in outputs and made not in ("", now))):
+                raise InputError(f"{path} exists already and is not of this batch: move it away, or say overwrite")
+
+    def _submit(self, begun: _Begun) -> None:
+        job, settings = begun.job, self._settings
+        values = dict(job.values) | settings.forced | {"overwrite": True}
+        if begun.track is not None:
+            file = self._track(begun.track)
+            values.pop("save_track", None)
+            if file.exists():
+                values = {name: value for name, value in values.items() if name not in OF_A_TRACK}
+            values["track" if file.exists() else "save_track"] = str(file)
+        limits = _least(job.time_limit, settings.time_limit), _least(job.memory_limit, settings.memory_limit)
+        self._running[self._pool.submit(Task(values, job.name, begun.attempt, *limits))] = begun
+
+    def _take(self, begun: _Begun, outcome: Outcome) -> None:
+        """Takes note of how an attempt ended."""
+        begun.seconds += outcome.seconds
+        job = begun.job
+        retries = self._settings.retries if job.retries is None else job.retries
+        if outcome.may_be_tried_again and begun.attempt <= retries:
+            log.info("%s: %s: trying again", job.name, outcome.message)
+            begun.attempt += 1
+            self._submit(begun)
+            return
+        if begun.track is not None:
+            self._making.discard(begun.track)
+        message = outcome.message
+        if outcome.is_done:
+            try:
+                self._keep(begun, outcome)
+                self._tell(Done(job, "done", begun.attempt, begun.seconds, outcome.result))
+                return
+            except (InputError, RunError, OSError) as error:
+                message = str(error)
+        stamps = {path: stamp(path) for path in _files(job)}
+        self._state.failed(begun.identity, begun.attempt, begun.seconds, message, stamps)
+        ending: Ending = "wrong" if outcome.is_wrong_input else "failed"
+        self._tell(Done(job, ending, begun.attempt, begun.seconds, outcome.result, message))
+
+    def _keep(self, begun: _Begun, outcome: Outcome) -> None:
+        """Writes the rest of what a job that is done writes, and that it is done."""
+        job = begun.job
+        if begun.track is not None and "save_track" in job.values:
+            write_whole(job.values["save_track"], self._track(begun.track).read_bytes())
+        report = {
+            "identity": begun.identity,
+            "arguments": job.arguments,
+            "attempts": begun.attempt,
+            "seconds": round(begun.seconds, 3),
+            "peak_bytes": outcome.peak_bytes,
+            "result": outcome.result,
+        }
+        write_whole(result_of(job.name), (json.dumps(report, indent=2) + "\n").encode())
+        stamps = {path: stamp(path) for path in _files(job)}
+        self._state.done(begun.identity, begun.attempt, begun.seconds, outcome.result, stamps)
+
+    def _track(self, key: str) -> Path:
+        return self._state.tracks / f"{key}.json"
+
+    def _tell(self, done: Done) -> None:
+        self.done.append(done)
+        said = {"done": f"done, {done.seconds:.1f} s", "kept": "done before"}.get(done.ending, done.message)
+        log.info("%d of %d: %s: %s", len(self.done), self._total, done.job.name, said)
+
+
+def _files(job: Job) -> list[str]:
+    """All that a job writes, with its log and its result."""
+    return [*job.outputs.values(), log_of(job.name), result_of(job.name)]
+
+
+def _least(*limits: Any) -> Any:
+    """The least of the limits that there are; None for none."""
+    return min((limit for limit in limits if limit is not None), default=None)
+
+
+def _outcome(future: "Future[Outcome]") -> Outcome:
+    """What came of a task; a worker that was lost counts as a failure while working."""
+    try:
+        return future.result()
+    except (CancelledError, Exception) as error:
+        return Outcome(FAILED, message=f"its worker was lost ({str(error) or type(error).__name__})")
