@@ -1,0 +1,88 @@
+/** Step 4: the file, and what makes it elsewhere. */
+
+import { html, nothing } from "lit-html";
+import { live } from "lit-html/directives/live.js";
+import { outputAddress } from "../api";
+import { type Choice, failure, select } from "../controls";
+import { icons } from "../icons";
+import type { Rendering } from "../model";
+import type { Studio } from "../studio";
+import { bytes } from "../words";
+import { progress } from "./track";
+
+const LABELS: Record<string, Record<string, string>> = {
+  audio: { source: "The video's", ad: "The ad's", mix: "Both, mixed", none: "None" },
+  depth: { auto: "As is usual", source: "As the video has", "8": "8 bits", "10": "10 bits", "12": "12 bits" },
+};
+
+let copied = 0;
+
+/** The name that the output gets, until it is changed. */
+export function suggestedName(video: string): string {
+  return `${video.replace(/\.[^.]*$/, "").replace(/[^\w.-]+/g, "_") || "output"}-ad.mp4`;
+}
+
+export function finish(studio: Studio) {
+  const { project, task } = studio;
+  const { rendering, choices } = project;
+  const running = studio.isBusy && task?.kind === "render";
+  const name = studio.outputName ?? suggestedName(project.video.name);
+  const untracked = project.surfaces.some((s) => !s.track);
+  const stale = project.surfaces.some((s) => s.track?.stale);
+  const list = (field: string, any = ""): Choice[] => [
+    ...(any ? [{ value: "", label: any }] : []),
+    ...(choices[field] ?? []).map((value) => ({ value, label: LABELS[field]?.[value] ?? value })),
+  ];
+  const set = (change: (r: Rendering) => void) => studio.edit("", (doc) => change(doc.rendering));
+  return html`
+    <div class="card">
+      <h2>Render the video</h2>
+      ${running
+        ? progress(task!, () => void studio.stop())
+        : html`
+            <div class="field"><label for="output-name">File name</label>
+              <input id="output-name" type="text" spellcheck="false" .value=${live(name)}
+                @change=${(e: Event) => studio.nameOutput((e.target as HTMLInputElement).value)} /></div>
+            ${select("Sound", rendering.audio, list("audio"), (v) => set((r) => (r.audio = v)))}
+            <details><summary>Codec and quality</summary>
+              ${choices.codec ? select("Codec", rendering.codec ?? "", list("codec", "The usual one"), (v) => set((r) => (r.codec = v || null))) : nothing}
+              <div class="field"><label for="crf">Quality (CRF; lower is better)</label>
+                <input id="crf" type="number" min="0" max="63" placeholder="usual" .value=${live(rendering.crf === null ? "" : `${rendering.crf}`)}
+                  @change=${(e: Event) => set((r) => (r.crf = (e.target as HTMLInputElement).value === "" ? null : (e.target as HTMLInputElement).valueAsNumber))} /></div>
+              ${select("Bits", `${rendering.depth}`, list("depth"), (v) => set((r) => (r.depth = v)))}
+            </details>
+            ${failure(studio.errors.save)} ${failure(studio.errors.finish)}
+            ${stale ? html`<p class="note">A surface has changed since it was tracked. <button class="quiet" type="button" @click=${() => studio.go("track")}>Track it again</button></p>` : nothing}
+            ${untracked
+              ? html`<p class="note">A surface is not tracked yet. <button class="quiet" type="button" @click=${() => studio.go("track")}>Track it</button></p>`
+              : nothing}
+            ${studio.mayOverwrite
+              ? html`<button class="primary wide" type="button" @click=${() => void studio.render(name, true)}>Replace ${name}</button>`
+              : html`<button class="primary wide" type="button" ?disabled=${untracked || studio.isBusy} @click=${() => void studio.render(name)}>Render</button>`}
+          `}
+      ${studio.outputs.length
+        ? html`<h3>Ready</h3><ul class="plain">
+            ${studio.outputs.map((o) => html`<li><span class="grow">${o.name} <small>${bytes(o.bytes)}</small></span>
+              <a class="button" href=${outputAddress(o.id)} download=${o.name}>${icons.save} Download</a></li>`)}
+          </ul>`
+        : nothing}
+    </div>
+    <div class="card">
+      <h2>Or render elsewhere</h2>
+      <p>All that you do here is kept in <strong>${project.job_file}</strong>, beside the video. This does the same on the command line:</p>
+      <pre class="command" tabindex="0" aria-label="Command line">${project.command}</pre>
+      <button class="quiet" type="button" @click=${() => void copy(studio)}>${icons.copy} ${copied > Date.now() ? "Copied" : "Copy the command"}</button>
+    </div>
+  `;
+}
+
+async function copy(studio: Studio): Promise<void> {
+  try {
+    await navigator.clipboard.writeText(studio.project.command);
+    copied = Date.now() + 2000;
+    setTimeout(() => studio.changed(), 2100);
+    studio.changed();
+  } catch {
+    studio.fail("finish", "The browser does not let the command be copied: select it and press Ctrl C.");
+  }
+}

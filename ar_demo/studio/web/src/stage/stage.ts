@@ -1,0 +1,418 @@
+/** The picture with its handles, and what the pointer does on it. */
+
+import { CORNER_NAMES } from "../geometry";
+import type { Corners, Point } from "../model";
+import type { Pictures } from "../pictures";
+import type { Studio } from "../studio";
+import { AdPicture } from "./ad";
+import { Loupe } from "./loupe";
+import { Overlay } from "./overlay";
+import { StageView } from "./view";
+
+const CLICK = 5; // CSS px that a click may move
+const CLOSE = 14; // CSS px from a polygon's first corner that closes it
+
+type Gesture =
+  | { kind: "pan"; from: Point; moved: boolean }
+  | { kind: "place" }
+  | { kind: "wipe" }
+  | { kind: "corner"; index: number; offset: Point; merge: string; free: boolean; moved: boolean }
+  | { kind: "pinch"; distance: number };
+
+export class Stage {
+  readonly element = document.createElement("div");
+  /** Called with the frame that was drawn, whenever there is a new one. */
+  onDrawn: (frame: number) => void = () => undefined;
+  private readonly view = new StageView();
+  private readonly canvas = document.createElement("canvas");
+  private readonly ads: AdPicture[] = [];
+  private readonly adLayer = document.createElement("div");
+  private readonly overlay: Overlay;
+  private readonly loupe = new Loupe();
+  private readonly handles: HTMLButtonElement[];
+  private readonly badges: HTMLButtonElement[] = [];
+  private readonly divider = document.createElement("div");
+  /** The picture that is shown, and the one without ads beside it: copies, since the cache drops its own. */
+  private readonly main = document.createElement("canvas");
+  private readonly before = document.createElement("canvas");
+  private shown = { frame: -1, source: null as Pictures | null };
+  private beforeFrame = -1;
+  private readonly pointers = new Map<number, Point>();
+  private gesture: Gesture | null = null;
+  private hover: Point | null = null;
+  private gestures = 0;
+
+  constructor(private readonly studio: Studio) {
+    this.overlay = new Overlay(studio, this.view);
+    this.element.className = "stage";
+    this.canvas.className = "picture";
+    this.canvas.setAttribute("role", "img");
+    this.adLayer.className = "ads";
+    this.handles = CORNER_NAMES.map((name, i) => this.handle(name, i));
+    this.divider.className = "divider";
+    this.divider.tabIndex = 0;
+    this.divider.setAttribute("role", "slider");
+    this.divider.setAttribute("aria-label", "Before and after");
+    this.divider.setAttribute("aria-valuemin", "0");
+    this.divider.setAttribute("aria-valuemax", "100");
+    this.divider.addEventListener("keydown", (event) => this.wipeByKey(event));
+    const parts = [this.canvas, this.adLayer, this.overlay.element, ...this.handles, this.divider, this.loupe.element];
+    this.element.append(...parts);
+    this.element.addEventListener("pointerdown", (event) => this.down(event));
+    this.element.addEventListener("pointermove", (event) => this.move(event));
+    this.element.addEventListener("pointerup", (event) => this.up(event));
+    this.element.addEventListener("pointercancel", (event) => this.cancel(event));
+    this.element.addEventListener("pointerleave", () => this.hovered(null));
+    this.element.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+    new ResizeObserver(() => this.resized()).observe(this.element);
+  }
+
+  zoom(factor: number): void {
+    this.view.zoomAt([this.view.width / 2, this.view.height / 2], factor);
+    this.studio.changed();
+  }
+
+  fit(): void {
+    this.view.fit();
+    this.studio.changed();
+  }
+
+  get isZoomed(): boolean {
+    return this.view.isZoomed;
+  }
+
+  /** Draws the studio's state. */
+  update(): void {
+    const { studio } = this;
+    const source = this.source();
+    this.fetch(source);
+    const { width, height } = studio.video;
+    const steady = studio.view === "steady" && this.shown.frame >= 0 && this.main.width > 0;
+    this.view.content = steady ? [this.main.width, this.main.height] : [width, height];
+    this.drawPicture();
+    this.drawAds();
+    this.placeHandles();
+    this.placeBadges();
+    this.placeDivider();
+    const placing = studio.isPlacing || studio.tool !== "corners";
+    this.overlay.draw(this.shown.frame, placing ? this.hover : null);
+    this.drawLoupe();
+    this.element.classList.toggle("placing", placing);
+    this.element.classList.toggle("late", this.shown.frame !== studio.frame);
+  }
+
+  private source(): Pictures {
+    const { sources, view, surface, project, selected } = this.studio;
+    if (view === "steady" && surface?.track) return sources.steady(selected, surface.track.id);
+    if (view === "composite" || view === "wipe") return sources.composites(project.revision);
+    return this.view.isZoomed ? sources.full() : sources.frames();
+  }
+
+  private fetch(source: Pictures): void {
+    const { studio } = this;
+    const { sources, frame } = studio;
+    sources.want(source, frame, this.view.isZoomed && studio.view === "frame" ? 0 : undefined);
+    const picture = source.get(frame);
+    if (picture && (this.shown.frame !== frame || this.shown.source !== source)) {
+      copy(picture, this.main);
+      this.shown = { frame, source };
+      this.canvas.dataset.frame = `${frame}`;
+      this.canvas.dataset.view = studio.view;
+      this.canvas.setAttribute("aria-label", `Frame ${frame} of ${studio.video.name}`);
+      this.onDrawn(frame);
+    }
+    if (studio.view !== "wipe") return;
+    const plain = sources.frames();
+    sources.want(plain, this.shown.frame >= 0 ? this.shown.frame : frame, 2);
+    const other = plain.get(this.shown.frame);
+    if (other && this.beforeFrame !== this.shown.frame) {
+      copy(other, this.before);
+      this.beforeFrame = this.shown.frame;
+    }
+  }
+
+  private drawPicture(): void {
+    const { view, canvas } = this;
+    const ratio = devicePixelRatio;
+    canvas.width = Math.round(view.width * ratio);
+    canvas.height = Math.round(view.height * ratio);
+    if (!this.main.width || this.shown.frame < 0) return;
+    const context = canvas.getContext("2d")!;
+    const [x, y] = view.origin;
+    const [w, h] = [view.content[0] * view.scale, view.content[1] * view.scale];
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.imageSmoothingEnabled = view.scale < 4;
+    context.imageSmoothingQuality = "high";
+    context.drawImage(this.main, x, y, w, h);
+    if (this.studio.view === "wipe" && this.beforeFrame === this.shown.frame) {
+      context.save();
+      context.beginPath();
+      context.rect(0, 0, this.dividerAt, view.height);
+      context.clip();
+      context.drawImage(this.before, x, y, w, h);
+      context.restore();
+    }
+  }
+
+  private get dividerAt(): number {
+    const [x] = this.view.origin;
+    const at = x + this.studio.wipe * this.view.content[0] * this.view.scale;
+    return Math.max(0, Math.min(this.view.width, at));
+  }
+
+  private drawAds(): void {
+    const { studio } = this;
+    const surfaces = studio.project.surfaces;
+    while (this.ads.length < surfaces.length) {
+      const ad = new AdPicture(() => studio.changed());
+      this.ads.push(ad);
+      this.adLayer.append(ad.element);
+    }
+    const { width, height } = studio.video;
+    this.ads.forEach((ad, i) => {
+      const surface = surfaces[i];
+      const marked = studio.step === "mark" && studio.view === "frame" && studio.tool === "corners";
+      const here = surface?.quad && marked && surface.start === this.shown.frame;
+      if (!here) return ad.hide();
+      ad.show(surface, surface.quad!, [width, height], this.view, studio.dragging && i === studio.selected);
+    });
+  }
+
+  // Handles
+
+  private handle(name: string, index: number): HTMLButtonElement {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = "corner";
+    button.dataset.name = name;
+    button.addEventListener("focus", () => {
+      this.studio.corner = index;
+      this.studio.changed();
+    });
+    button.addEventListener("blur", () => {
+      this.studio.corner = null;
+      this.studio.changed();
+    });
+    button.addEventListener("keydown", (event) => {
+      const step = event.shiftKey ? 1 : 0.1;
+      const by = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] }[event.key];
+      if (!by || event.ctrlKey || event.metaKey) return;
+      event.preventDefault();
+      event.stopPropagation();
+      this.studio.nudge(index, by[0], by[1]);
+    });
+    return button;
+  }
+
+  private placeHandles(): void {
+    const corners = this.shown.frame === this.studio.frame ? this.studio.handles : null;
+    this.handles.forEach((button, i) => {
+      button.hidden = !corners;
+      if (!corners) return;
+      const [x, y] = this.view.toStage(corners[i]);
+      button.style.transform = `translate(${x}px, ${y}px)`;
+      button.classList.toggle("active", this.studio.corner === i);
+      const at = `x ${corners[i][0].toFixed(1)}, y ${corners[i][1].toFixed(1)}`;
+      button.setAttribute("aria-label", `Corner ${button.dataset.name}, ${at}; arrow keys move it by 0.1 pixels`);
+    });
+  }
+
+  private placeBadges(): void {
+    const { studio } = this;
+    const shown = studio.shownProposals;
+    while (this.badges.length < shown.length) {
+      const index = this.badges.length;
+      const button = document.createElement("button");
+      button.type = "button";
+      button.className = "badge";
+      button.textContent = `${index + 1}`;
+      button.setAttribute("aria-label", `Take likely rectangle ${index + 1}`);
+      const heat = (hot: number | null) => () => {
+        studio.hot = hot;
+        studio.changed();
+      };
+      button.addEventListener("pointerenter", heat(index));
+      button.addEventListener("pointerleave", heat(null));
+      button.addEventListener("focus", heat(index));
+      button.addEventListener("blur", heat(null));
+      button.addEventListener("click", () => void studio.mark(studio.proposals[index].corners));
+      this.badges.push(button);
+      this.element.insertBefore(button, this.divider);
+    }
+    this.badges.forEach((button, i) => {
+      button.hidden = i >= shown.length;
+      if (button.hidden) return;
+      const [x, y] = this.view.toStage(studio.proposalCentre(i));
+      button.style.transform = `translate(${x}px, ${y}px)`;
+    });
+  }
+
+  private placeDivider(): void {
+    const wiping = this.studio.view === "wipe" && this.shown.frame >= 0;
+    this.divider.hidden = !wiping;
+    this.divider.style.transform = `translateX(${this.dividerAt}px)`;
+    this.divider.setAttribute("aria-valuenow", `${Math.round(this.studio.wipe * 100)}`);
+  }
+
+  private wipeByKey(event: KeyboardEvent): void {
+    const by = { ArrowLeft: -0.02, ArrowRight: 0.02, Home: -1, End: 1 }[event.key];
+    if (!by) return;
+    event.preventDefault();
+    event.stopPropagation();
+    this.studio.wipe = Math.max(0, Math.min(1, this.studio.wipe + by));
+    this.studio.changed();
+  }
+
+  // The loupe
+
+  private drawLoupe(): void {
+    const { studio } = this;
+    const corners = studio.handles;
+    const corner = studio.corner !== null && corners ? corners[studio.corner] : null;
+    const placing = studio.isPlacing || studio.tool !== "corners";
+    const at = corner ?? (placing ? this.hover : null);
+    if (!at || this.shown.frame !== studio.frame || studio.view !== "frame") return this.loupe.hide();
+    const full = studio.sources.full();
+    if (full !== this.shown.source) studio.sources.want(full, studio.frame, 0);
+    const picture = full.get(studio.frame) ?? this.main;
+    const lines: Corners = corner ? corners! : [...(studio.tool === "corners" ? studio.placing : studio.polygon), at];
+    this.loupe.show(picture, studio.video.width, at, lines, this.view.toStage(at)[0] > this.view.width / 2);
+  }
+
+  // The pointer
+
+  private at(event: PointerEvent | WheelEvent): Point {
+    const box = this.element.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  }
+
+  private down(event: PointerEvent): void {
+    const target = event.target as HTMLElement;
+    if (target.classList.contains("badge")) return;
+    const at = this.at(event);
+    this.pointers.set(event.pointerId, at);
+    this.element.setPointerCapture(event.pointerId);
+    const { studio } = this;
+    if (this.pointers.size === 2) {
+      const [a, b] = [...this.pointers.values()];
+      this.gesture = { kind: "pinch", distance: Math.hypot(a[0] - b[0], a[1] - b[1]) };
+      studio.dragging = false;
+      this.hover = null;
+      return studio.changed();
+    }
+    const corner = this.handles.indexOf(target as HTMLButtonElement);
+    if (corner >= 0 && studio.handles) {
+      event.preventDefault();
+      target.focus();
+      const [x, y] = this.view.toStage(studio.handles[corner]);
+      const offset: Point = [x - at[0], y - at[1]];
+      const merge = `drag-${++this.gestures}`;
+      this.gesture = { kind: "corner", index: corner, offset, merge, free: event.altKey, moved: false };
+    } else if (target === this.divider) this.gesture = { kind: "wipe" };
+    else if (event.button === 0 && !event.shiftKey && (studio.isPlacing || studio.tool !== "corners")) {
+      this.gesture = { kind: "place" };
+      this.hover = this.view.toFrame(at);
+    } else this.gesture = { kind: "pan", from: at, moved: false };
+    studio.changed();
+  }
+
+  private move(event: PointerEvent): void {
+    const at = this.at(event);
+    const before = this.pointers.get(event.pointerId);
+    if (!before || !this.gesture) {
+      if (event.pointerType === "mouse") this.hovered(this.view.toFrame(at));
+      return;
+    }
+    this.pointers.set(event.pointerId, at);
+    const { gesture, studio } = this;
+    if (gesture.kind === "pinch") this.pinch(gesture);
+    else if (gesture.kind === "pan") {
+      gesture.moved ||= Math.hypot(at[0] - gesture.from[0], at[1] - gesture.from[1]) > CLICK;
+      if (gesture.moved) this.view.pan(at[0] - before[0], at[1] - before[1]);
+    } else if (gesture.kind === "place") this.hover = this.view.toFrame(at);
+    else if (gesture.kind === "wipe") {
+      const [x] = this.view.origin;
+      studio.wipe = Math.max(0, Math.min(1, (at[0] - x) / (this.view.content[0] * this.view.scale)));
+    } else {
+      gesture.free = event.altKey;
+      gesture.moved = true;
+      studio.dragging = true;
+      const to = this.view.toFrame([at[0] + gesture.offset[0], at[1] + gesture.offset[1]]);
+      studio.moveCorner(gesture.index, to, gesture.merge);
+      if (gesture.free) studio.ghost = null;
+      else void studio.look(gesture.index);
+    }
+    studio.changed();
+  }
+
+  private up(event: PointerEvent): void {
+    const at = this.at(event);
+    const { gesture, studio } = this;
+    this.pointers.delete(event.pointerId);
+    if (this.pointers.size) return;
+    this.gesture = null;
+    if (gesture?.kind === "place") this.place(this.view.toFrame(at));
+    if (gesture?.kind === "corner" && gesture.moved) {
+      if (gesture.free) {
+        studio.dragging = false;
+        studio.nudge(gesture.index, 0, 0);
+      } else void studio.release(gesture.index, gesture.merge);
+    }
+    if (event.pointerType !== "mouse") this.hover = null;
+    studio.changed();
+  }
+
+  private cancel(event: PointerEvent): void {
+    this.pointers.delete(event.pointerId);
+    this.gesture = null;
+    this.hover = null;
+    this.studio.dragging = false;
+    this.studio.changed();
+  }
+
+  private place(point: Point): void {
+    const { studio } = this;
+    const inside: Point = [
+      Math.max(-0.5, Math.min(studio.video.width - 0.5, point[0])),
+      Math.max(-0.5, Math.min(studio.video.height - 0.5, point[1])),
+    ];
+    if (studio.tool === "corners") return studio.place(inside);
+    const [first] = studio.polygon;
+    if (first && studio.polygon.length > 2) {
+      const [a, b] = [this.view.toStage(first), this.view.toStage(inside)];
+      if (Math.hypot(a[0] - b[0], a[1] - b[1]) < CLOSE) return studio.closePolygon();
+    }
+    studio.addVertex(inside);
+  }
+
+  private pinch(gesture: { distance: number }): void {
+    const [a, b] = [...this.pointers.values()];
+    const distance = Math.hypot(a[0] - b[0], a[1] - b[1]);
+    this.view.zoomAt([(a[0] + b[0]) / 2, (a[1] + b[1]) / 2], distance / gesture.distance);
+    gesture.distance = distance;
+  }
+
+  private wheel(event: WheelEvent): void {
+    event.preventDefault();
+    this.view.zoomAt(this.at(event), Math.exp(-event.deltaY * (event.ctrlKey ? 0.01 : 0.0015)));
+    this.studio.changed();
+  }
+
+  private hovered(point: Point | null): void {
+    this.hover = point;
+    if (this.studio.isPlacing || this.studio.tool !== "corners") this.studio.changed();
+  }
+
+  private resized(): void {
+    this.view.width = this.element.clientWidth;
+    this.view.height = this.element.clientHeight;
+    this.studio.sources.stageHeight = this.view.height * devicePixelRatio;
+    this.studio.changed();
+  }
+}
+
+function copy(picture: ImageBitmap, canvas: HTMLCanvasElement): void {
+  canvas.width = picture.width;
+  canvas.height = picture.height;
+  canvas.getContext("2d")!.drawImage(picture, 0, 0);
+}
