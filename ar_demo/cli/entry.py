@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from hdn.commandline import Parser, load, run
 
-from .parsers import batch_parser, export_parser, join_parser, replace_parser, track_parser
+from .parsers import batch_parser, export_parser, join_parser, replace_parser, studio_parser, track_parser
 
 LEFT_BEHIND = "nothing unfinished is left"
 
@@ -34,6 +34,11 @@ def join_main(arguments: Sequence[str] | None = None) -> None:
 def batch_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-batch."""
     _main(batch_parser(), "ar_demo.batch.commands:batch_command", arguments)
+
+
+def studio_main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of ar-studio."""
+    _main(studio_parser(), "ar_demo.studio.command:studio_command", arguments)
 
 
 def _main(parser: Parser, command: str, arguments: Sequence[str] | None) -> None:

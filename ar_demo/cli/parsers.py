@@ -205,6 +205,28 @@ def batch_parser() -> Parser:
     return parser
 
 
+def studio_parser() -> Parser:
+    """Of ar-studio."""
+    parser = _parser(
+        "ar-studio",
+        "Pick surfaces, track, check, mend and render in a browser: a server for this machine alone.",
+        f"What is done is kept in VIDEO.job.json beside the video; 'ar-replace --job' renders it anywhere. {STATUSES}",
+    )
+    add = parser.add_argument
+    add("video", nargs="?", help="the video, or a job file (.json); without it the page shows the files to choose from")
+    add("ad", nargs="?", help="video, image or animated image, for the first surface")
+    add(
+        "--root",
+        type=Path,
+        metavar="FOLDER",
+        help="files in it may be chosen on the page (default: the current folder where no video is given, else none)",
+    )
+    add("--port", type=int, metavar="N", help="of the server (default: a free one)")
+    add("--no-browser", action="store_true", help="open none; print the address only")
+    add("--quiet", action="store_true", help="no log")
+    return parser
+
+
 def _parser(name: str, description: str, epilog: str) -> Parser:
     parser = _Parser(name, description, epilog)
     parser.argument_default = argparse.SUPPRESS
@@ -312,6 +334,7 @@ PARSERS = {
     "ar-export": export_parser,
     "ar-join": join_parser,
     "ar-batch": batch_parser,
+    "ar-studio": studio_parser,
 }
 
 

@@ -228,6 +228,11 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         self._demux()
         return self._index.times
 
+    def key_before(self, index: int) -> int:
+        """The frame from which decoding begins where frame `index` is gone to, as far as it is known."""
+        self._demux()
+        return self._index.key_before(index)[0]
+
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         """Frames start to stop - 1 (to the end for None).
 

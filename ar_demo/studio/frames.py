@@ -1,0 +1,318 @@
+"""A video's frames by their numbers, quickly, in whichever order somebody scrubs through them.
+
+One thread decodes, forward from where it stands or from the key frame before. What comes by is kept as JPEGs in a
+temporary file, so that each frame is decoded about once: those that are asked for, then those that lie in the direction
+of scrubbing, then, while nothing is asked for, all others. After that even the last frame of a long group of pictures
+takes no longer than reading it.
+"""
+
+import logging
+import os
+import shutil
+import tempfile
+import time
+from collections import OrderedDict, deque
+from collections.abc import Iterator
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Condition, Lock, Thread
+from typing import Any, Generic, TypeVar
+
+from platformdirs import user_cache_path
+
+from hdn.imaging.arrays import Image
+
+from ..media.reader import Frame, IndexDropped, VideoReader
+from .errors import Refusal
+from .pictures import from_jpeg, jpeg, scaled
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class FramesModel:
+    """What is kept, and what is decoded before it is asked for."""
+
+    kept_height_px: int = 1080  # of the JPEGs, at most
+    most_disk_bytes: int = 4 << 30  # that they take, and no more than
+    most_disk_share: float = 0.25  # of what is free
+    memory_bytes: int = 48 << 20  # of pictures that were made smaller, or are not kept on disk
+    whole_bytes: int = 96 << 20  # of the latest frames that were decoded, at full size
+    before_frames: int = 12  # that are kept at full size on a long way from a key frame to one that is asked for
+    block_frames: int = 48  # that are decoded at once where somebody scrubs backwards
+    ahead_frames: int = 48  # that are decoded before they are asked for
+    skip_frames: int = 12  # from which on a key frame on the way is gone to
+    idle_seconds: float = 0.3  # without a request, after which all other frames are decoded
+
+
+MODEL = FramesModel()
+
+
+class Bounded(Generic[T]):
+    """What was used last, up to a size."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._size, self._lock = most, 0, Lock()
+        self._kept: OrderedDict[Any, tuple[T, int]] = OrderedDict()
+
+    def get(self, key: Any) -> T | None:
+        with self._lock:
+            if key not in self._kept:
+                return None
+            self._kept.move_to_end(key)
+            return self._kept[key][0]
+
+    def put(self, key: Any, value: T, size: int = 1) -> None:
+        with self._lock:
+            self._size += size - self._kept.pop(key, (value, 0))[1]
+            self._kept[key] = value, size
+            while self._size > self._most:
+                _, (_, dropped) = self._kept.popitem(last=False)
+                self._size -= dropped
+
+    def clear(self) -> None:
+        with self._lock:
+            self._kept.clear()
+            self._size = 0
+
+
+class Pile:
+    """Pieces of bytes in a temporary file, which is gone when it is closed."""
+
+    def __init__(self, model: FramesModel = MODEL) -> None:
+        folder = user_cache_path("ar-replace", appauthor=False)  # /tmp may be memory
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
+        except OSError:
+            folder = Path(tempfile.gettempdir())
+            self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
+        free = shutil.disk_usage(folder).free
+        self._most = min(model.most_disk_bytes, int(free * model.most_disk_share))
+        self._places: dict[int, tuple[int, int]] = {}
+        self._end = 0
+
+    def __contains__(self, key: int) -> bool:
+        return key in self._places
+
+    @property
+    def is_full(self) -> bool:
+        return self._end >= self._most
+
+    def put(self, key: int, data: bytes) -> None:
+        """Adds a piece, unless it is full; from one thread."""
+        if self.is_full:
+            return
+        try:
+            written = os.pwrite(self._file.fileno(), data, self._end)
+        except OSError:
+            written = 0
+        if written < len(data):
+            log.warning("the disk is full: frames are decoded anew each time")
+            self._most = 0
+            return
+        self._places[key] = self._end, len(data)
+        self._end += len(data)
+
+    def get(self, key: int) -> bytes | None:
+        place = self._places.get(key)
+        return None if place is None else os.pread(self._file.fileno(), place[1], place[0])
+
+    def clear(self) -> None:
+        self._places.clear()
+        self._end = 0
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class Frames(AbstractContextManager["Frames"]):
+    """The frames of a video, for as long as it is open. Its methods may be called from any thread."""
+
+    def __init__(self, reader: VideoReader, count: int, model: FramesModel = MODEL) -> None:
+        """Args: count: of the video's frames."""
+        self._reader, self.count, self._model = reader, count, model
+        self._kept = Pile(model)
+        self._small: Bounded[bytes] = Bounded(model.memory_bytes)
+        self._whole: Bounded[Image] = Bounded(model.whole_bytes)
+        self._changed = Condition()
+        self._waiting: dict[int, Future[Image]] = {}
+        self._asked: deque[int] = deque(maxlen=2)  # the latest frames that were asked for
+        self._asked_at = 0.0
+        self._missing: set[int] = set()  # frames that cannot be decoded
+        self._filled = 0  # all before it are kept
+        self._at = -1  # the frame that the iteration gives next
+        self._iteration: Iterator[Frame] | None = None
+        self._is_paused = self._is_closed = False
+        self._thread = Thread(target=self._work, name="frames", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends decoding; waits for the frame that is under way."""
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify_all()
+        self._thread.join()
+        self._kept.close()
+
+    def __exit__(self, *error: Any) -> None:
+        self.close()
+
+    def pause(self, paused: bool) -> None:
+        """Whether only what is asked for is decoded, as while there is other work for the processor."""
+        with self._changed:
+            self._is_paused = paused
+            self._changed.notify_all()
+
+    def picture(self, index: int, height: int | None = None) -> bytes:
+        """A frame as JPEG, at a height, px, or at its own where that is less.
+
+        Raises:
+            Refusal: there is no such frame.
+        """
+        self._ask(index)
+        height = None if height is None or height >= self._reader.info.height else height
+        key = index, height
+        if (small := self._small.get(key)) is not None:
+            return small
+        data = self._kept.get(index)
+        kept_height = min(self._reader.info.height, self._model.kept_height_px)
+        if data is not None and height in (None, kept_height) and kept_height == self._reader.info.height:
+            return data
+        if data is not None and height is not None and height <= kept_height:
+            picture = jpeg(scaled(from_jpeg(data), height))
+        else:
+            picture = jpeg(scaled(self.image(index), height))
+        self._small.put(key, picture, len(picture))
+        return picture
+
+    def image(self, index: int) -> Image:
+        """A frame (H, W, 3), RGB, as it was decoded; not to be written to.
+
+        Raises:
+            Refusal: there is no such frame.
+        """
+        if (image := self._whole.get(index)) is not None:
+            return image
+        with self._changed:
+            self._check(index)
+            if self._is_closed:
+                raise Refusal(410, "this video was closed: open it again")
+            future = self._waiting.pop(index, None) or Future()
+            self._waiting[index] = future  # the latest comes last
+            self._changed.notify_all()
+        return future.result()
+
+    def _check(self, index: int) -> None:
+        if not 0 <= index < self.count:
+            raise Refusal(404, f"there is no frame {index}: the video has frames 0 to {self.count - 1}")
+
+    def _ask(self, index: int) -> None:
+        self._check(index)
+        with self._changed:
+            if not self._asked or self._asked[-1] != index:
+                self._asked.append(index)
+            self._asked_at = time.monotonic()
+            self._changed.notify_all()
+
+    # ---- the thread that decodes ----
+
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                goal = None
+                while not self._is_closed and (goal := self._goal()) is None:
+                    self._changed.wait(self._model.idle_seconds)
+                if goal is None:
+                    break
+            try:
+                self._decode_towards(goal)
+            except IndexDropped:
+                log.info("frames are numbered anew: packets and frames do not agree")
+                self._kept.clear()
+                self._small.clear()
+                self._whole.clear()
+                self._filled, self._iteration = 0, None
+            except Exception as error:  # whatever it is, whoever waits is told
+                self._iteration = None
+                self._missing.add(goal)
+                self._fail(goal, error)
+        self._close_iteration()
+        for index in list(self._waiting):
+            self._fail(index, Refusal(410, "this video was closed: open it again"))
+
+    def _goal(self) -> int | None:
+        """The frame that is wanted most: one that is asked for, one that will be soon, or one that is not kept yet."""
+        if self._waiting:
+            return next(reversed(self._waiting))
+        if self._kept.is_full or self._is_paused:
+            return None
+        soon = next((i for i in self._soon() if self._lacks(i)), None)
+        if soon is not None or time.monotonic() - self._asked_at < self._model.idle_seconds:
+            return soon
+        if self._lacks(self._at):
+            return self._at
+        while self._filled < self.count and not self._lacks(self._filled):
+            self._filled += 1
+        return self._filled if self._filled < self.count else None
+
+    def _lacks(self, index: int) -> bool:
+        return 0 <= index < self.count and index not in self._kept and index not in self._missing
+
+    def _soon(self) -> range:
+        """Frames in the direction of scrubbing."""
+        if len(self._asked) < 2:
+            return range(0)
+        before, last = self._asked
+        if before < last:
+            return range(last, min(last + self._model.ahead_frames, self.count))
+        size = self._model.block_frames
+        begin = last // size * size  # of the block, which is decoded forward
+        whole = range(begin, min(begin + size, self.count))
+        return range(max(begin - size, 0), begin) if not any(map(self._lacks, whole)) else whole
+
+    def _decode_towards(self, goal: int) -> None:
+        """Decodes the next frame on the way to one."""
+        if not self._leads_to(goal):
+            self._close_iteration()
+            # Whoever jumped there may go on backwards.
+            begin = max(goal - self._model.before_frames, self._reader.key_before(goal))
+            self._iteration = self._reader.frames(begin if self._waiting else goal)
+        assert self._iteration is not None
+        frame = next(self._iteration, None)
+        if frame is None:
+            self._iteration = None
+            raise Refusal(404, f"frame {goal} cannot be decoded: the file is damaged")
+        self._at = frame.index + 1
+        with self._changed:
+            is_awaited = bool(self._waiting)
+            future = self._waiting.pop(frame.index, None)
+        if is_awaited:
+            self._whole.put(frame.index, frame.view, frame.view.nbytes)
+        if future is not None:
+            future.set_result(frame.view)
+        if frame.index not in self._kept and (future is not None or not is_awaited):
+            self._kept.put(frame.index, jpeg(scaled(frame.view, self._model.kept_height_px)))
+
+    def _leads_to(self, goal: int) -> bool:
+        """Whether a frame is best reached from where decoding stands."""
+        if self._iteration is None or self._at > goal:
+            return False
+        return goal - self._at <= self._model.skip_frames or self._reader.key_before(goal) <= self._at
+
+    def _close_iteration(self) -> None:
+        close = getattr(self._iteration, "close", None)
+        if close is not None:
+            with suppress(Exception):
+                close()
+        self._iteration = None
+
+    def _fail(self, index: int, error: Exception) -> None:
+        with self._changed:
+            future = self._waiting.pop(index, None)
+        if future is not None:
+            future.set_exception(error)

@@ -1,0 +1,455 @@
+"""A video with its surfaces, as pages show and change it; all of it is in the job file on disk."""
+
+import logging
+import math
+import secrets
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain, count
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from hdn import Observation
+from hdn.alignment.snapping import snap
+from hdn.imaging.arrays import Array
+from hdn.imaging.quads import check_quad
+
+from ..choices import CHOICES
+from ..cli.defaults import Defaults
+from ..cli.jobs import JobEntry, SurfaceEntry
+from ..errors import InputError
+from ..importing.loading import load_track
+from ..media.claims import write_whole
+from ..pipeline import beside
+from ..session import Session
+from ..surface import Surface
+from ..tracks import Track
+from .errors import Refusal
+from .events import Events
+from .files import Files
+from .frames import Frames
+from .state import (
+    Change,
+    Place,
+    State,
+    SurfaceState,
+    TrackingState,
+    TrackState,
+    put_options,
+    relative,
+    state_of,
+    surface_entry,
+)
+from .tasks import Task, Tasks
+
+log = logging.getLogger(__name__)
+
+JOB, TRACK = ".job.json", ".track.json"
+SAME_PX = 2e-3  # within which corners are the same: the page gets them to a thousandth
+# What the page offers, by the names of `CHOICES`.
+OFFERED = ("fit", "playback", "blend", "lost", "effect", "grain", "audio", "depth")
+
+
+@dataclass
+class Kept:
+    """A track and the file that it is in.
+
+    Attributes:
+        place: what it was made from; None where that was before this server.
+        first_frame: of another program's file.
+    """
+
+    track: Track
+    file: Path
+    place: Place | None = None
+    first_frame: int | None = None
+
+    @property
+    def own(self) -> Place:
+        """The place that its file tells, but for how it was tracked."""
+        region = self.track.region
+        return Place(
+            _tuple(self.track.quad),
+            self.track.reference_frame,
+            False,
+            None if region.include is None else _tuple(region.include),
+            tuple(map(_tuple, region.exclude)),
+        )
+
+
+class Project:
+    """One video that is open. Its methods may be called from any thread.
+
+    Attributes:
+        job_file: where its state is kept.
+        revision: grows with each change.
+    """
+
+    def __init__(self, video: Path, job_file: Path, files: Files, defaults: Defaults, ad: Path | None = None) -> None:
+        """Opens a video, with the job file where there is one.
+
+        Args:
+            ad: of the first surface, where the job file has no other.
+
+        Raises:
+            InputError: the video cannot be read, the job file is none, or is of another video.
+        """
+        self.id, self.video, self.job_file, self.files = secrets.token_urlsafe(6), video, job_file, files
+        self.revision = 0
+        self.events = Events()
+        self._defaults, self._lock = defaults, RLock()
+        self._tracks: dict[str, Kept] = {}
+        self._made: set[Path] = set()  # track files of this server
+        self.outputs: dict[str, Path] = {}
+        self._entry = _read(job_file) if job_file.exists() else JobEntry(1, [])
+        self.session = Session(video)
+        try:
+            reader = self.session.reader
+            if not reader.seekable:
+                for _ in reader.frames():  # tells all times
+                    pass
+            self.frames = Frames(reader, len(reader.times))
+            try:
+                self._state = self._from_job()
+                self._take_ad(ad)
+            except BaseException:
+                self.frames.close()
+                raise
+        except BaseException:
+            self.session.reader.close()
+            raise
+        self.tasks = Tasks(self.session, self.events.send, self.frames.pause)
+
+    def close(self) -> None:
+        """Stops what is under way, and removes tracks that were replaced."""
+        self.tasks.close()
+        self.frames.close()
+        self.session.reader.close()
+        named = {self._tracks[s.track.id].file for s in self._state.surfaces if s.track and s.track.id in self._tracks}
+        for file in self._made - named:
+            with suppress(OSError):
+                file.unlink()
+
+    @property
+    def folder(self) -> Path:
+        """Where the job file is, its tracks, and what is rendered."""
+        return self.job_file.parent
+
+    @property
+    def name(self) -> str:
+        return self.video.name
+
+    # ---- what the page sees, and changes ----
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """The whole project, as JSON can hold it."""
+        with self._lock:
+            info, times = self.session.reader.info, self.session.reader.times
+            return {
+                "id": self.id,
+                "name": self.name,
+                "revision": self.revision,
+                "video": {
+                    "file": self.files.admit(self.video),
+                    "name": self.video.name,
+                    "width": info.width,
+                    "height": info.height,
+                    "frames": self.frames.count,
+                    "rate": float(info.rate),
+                    "times": [round(float(time - times[0]), 6) for time in times],
+                    "warnings": self.session.reader.warnings,
+                },
+                "surfaces": [self._surface_content(surface) for surface in self._state.surfaces],
+                "tracking": msgspec.to_builtins(self._state.tracking),
+                "rendering": msgspec.to_builtins(self._state.rendering),
+                "choices": {name: CHOICES[name] for name in OFFERED},
+                "job_file": self.job_file.name,
+                "task": None if self.tasks.last is None else self.tasks.last.content,
+            }
+
+    def _surface_content(self, surface: SurfaceState) -> dict[str, Any]:
+        kept = self._kept(surface)
+        ad = None if surface.ad is None else self.files.path(surface.ad).name
+        track = None
+        if kept is not None and surface.track is not None:
+            track = {
+                "id": surface.track.id,
+                "counts": kept.track.counts,
+                "reference_frame": kept.track.reference_frame,
+                "stale": self._needs(surface, kept) != "nothing",
+            }
+        return msgspec.to_builtins(surface) | {"ad_name": ad, "track": track}
+
+    def change(self, change: Change) -> None:
+        """Takes a state from the page, and writes it to the job file.
+
+        Raises:
+            Refusal: it was made from an older revision, or something in it cannot be.
+        """
+        with self._lock:
+            if change.revision != self.revision:
+                raise Refusal(409, "this was changed elsewhere meanwhile: it is shown as it is there", **self.content)
+            for number, surface in enumerate(change.surfaces):
+                self._check(number, surface)
+            _checked("tracking.time", lambda: change.tracking.options(self._entry, self.folder))
+            _checked("rendering", lambda: change.rendering.options(self._entry))
+            self._state = State(change.surfaces, change.tracking, change.rendering)
+            self._changed()
+
+    def _check(self, number: int, surface: SurfaceState) -> None:
+        """Refuses a surface that cannot be; one that is not finished can."""
+        field = f"surfaces.{number}"
+        ad = None
+        if surface.ad is not None:
+            ad = self.files.path(surface.ad)
+        if surface.track is not None and surface.track.id not in self._tracks:
+            raise Refusal(422, "there is no such track: track the surface again", f"{field}.track")
+        if surface.start >= self.frames.count:
+            raise Refusal(422, f"the video has frames 0 to {self.frames.count - 1}: name one", f"{field}.start")
+        try:
+            surface.surface(ad, None, surface.given)
+        except InputError as error:
+            first = str(error).split()[0].rstrip(":")
+            raise Refusal(
+                422, str(error), f"{field}.{first}" if first in surface.__struct_fields__ else field
+            ) from error
+
+    def _changed(self) -> None:
+        """Writes the job file, and tells that there is something new."""
+        self._write()
+        self.revision += 1
+        self.events.send({"type": "project", "revision": self.revision})
+
+    # ---- the job file ----
+
+    def _from_job(self) -> State:
+        def ad(name: str) -> str | None:
+            path = self.folder / name
+            if not path.is_file():
+                log.warning("%s names an ad that is not there: %s", self.job_file, path)
+                return None
+            return self.files.admit(path)
+
+        def track(said: SurfaceEntry) -> tuple[str, Track] | None:
+            if not isinstance(said.track, str):
+                return None
+            file = self.folder / said.track
+            first = said.first_frame if isinstance(said.first_frame, int) else None
+            kept = Kept(load_track(file, self.video, first), file, first_frame=first)
+            return self._keep(kept), kept.track
+
+        times = self.session.reader.times
+        state = state_of(self._entry, times, ad, track, self._defaults.surface)
+        return msgspec.structs.replace(state, tracking=self._with_defaults(state.tracking))
+
+    def _with_defaults(self, tracking: TrackingState) -> TrackingState:
+        own = self._defaults.tracking()
+        return (
+            TrackingState(tracking.time, own["smooth"])
+            if tracking == TrackingState(tracking.time) and "smooth" in own
+            else tracking
+        )
+
+    def _take_ad(self, ad: Path | None) -> None:
+        """The ad that the command line names is that of the first surface."""
+        if ad is None:
+            return
+        if not self._state.surfaces:
+            self._state.surfaces = [SurfaceState(**self._defaults.surface())]
+        self._state.surfaces[0].ad = self.files.admit(ad)
+
+    def _write(self) -> None:
+        """The job file, whole."""
+        entry = self._entry
+        entry.input = relative(self.video, self.folder)
+        entry.surfaces = [self._entry_of(surface) for surface in self._state.surfaces] or [SurfaceEntry()]
+        put_options(entry, self._state, self._defaults.output() | self._defaults.tracking())
+        write_whole(self.job_file, msgspec.json.format(msgspec.json.encode(entry), indent=2) + b"\n")
+
+    def _entry_of(self, surface: SurfaceState) -> SurfaceEntry:
+        kept = self._kept(surface)
+        needs = "all" if kept is None else self._needs(surface, kept)
+        if kept is None or needs == "all":
+            track, keyframes = None, surface.given
+        else:
+            track, keyframes = relative(kept.file, self.folder), self._new_keyframes(surface, kept)
+        ad = None if surface.ad is None else relative(self.files.path(surface.ad), self.folder)
+        entry = surface_entry(surface, ad, track, keyframes, self._defaults.surface(surface.effect))
+        if track is not None and kept is not None and kept.first_frame is not None:
+            entry.first_frame = kept.first_frame
+        return entry
+
+    # ---- tracks ----
+
+    def track(self, number: int) -> Track:
+        """The track of a surface.
+
+        Raises:
+            Refusal: there is no such surface, or it has none.
+        """
+        with self._lock:
+            surfaces = self._state.surfaces
+            kept = self._kept(surfaces[number]) if 0 <= number < len(surfaces) else None
+        if kept is None:
+            raise Refusal(404, "this surface is not tracked yet: track it first")
+        return kept.track
+
+    def track_content(self, number: int) -> dict[str, Any]:
+        """The track of a surface, as JSON can hold it; its lists have an entry for each frame of the video."""
+        track, n = self.track(number), self.frames.count
+        rest = max(n - len(track), 0)
+        known = track.known
+        states = "".join(state[0] for state in track.states)
+        return {
+            "first": track.first,
+            "last": track.last,
+            "reference_frame": track.reference_frame,
+            "corners": [np.round(track.corners[i], 3).tolist() if known[i] else None for i in range(len(track))][:n]
+            + [None] * rest,
+            "states": (states + "l" * rest)[:n],
+            "confidence": [round(float(c), 3) for c in track.confidence[:n]] + [0.0] * rest,
+            "deviation": [round(float(d), 3) if math.isfinite(d) else None for d in track.deviation[:n]]
+            + [None] * rest,
+            "cuts": track.cuts,
+            "keyframes": sorted(track.keyframes),
+            "warnings": track.warnings,
+        }
+
+    def begin_tracking(self) -> Task:
+        """Tracks all surfaces whose track is missing or stale.
+
+        Raises:
+            Refusal: nothing is to do, a surface has no corners, or there is work under way.
+        """
+        with self._lock:
+            surfaces = list(self._state.surfaces)
+            for number, surface in enumerate(surfaces):
+                if surface.quad is None:
+                    raise Refusal(422, "set the four corners of the surface first", f"surfaces.{number}.quad")
+                _checked(f"surfaces.{number}.quad", partial(self._check_corners, surface))
+            if not surfaces:
+                raise Refusal(409, "there is no surface yet: set its four corners")
+            if all((kept := self._kept(s)) is not None and self._needs(s, kept) == "nothing" for s in surfaces):
+                raise Refusal(409, "all surfaces are tracked: move corners, or add a surface")
+            tracking = self._state.tracking
+            given = [self._to_track(surface) for surface in surfaces]
+            options = _checked("tracking.time", lambda: tracking.options(self._entry, self.folder))
+
+        def work(task: Task) -> None:
+            found = self.session.track(given, options)
+            with self._lock:
+                for surface, before, after in zip(surfaces, given, found, strict=True):
+                    if after.track is not None and after.track is not before.track:
+                        self._take_track(surface, after.track, surface.place(tracking))
+                        task.warnings += after.track.warnings
+                task.warnings = list(dict.fromkeys(task.warnings))
+                self._changed()
+
+        return self.tasks.begin("track", work)
+
+    def _check_corners(self, surface: SurfaceState) -> None:
+        info = self.session.reader.info
+        check_quad(np.array(surface.quad, np.float64), info.width, info.height)
+
+    def _to_track(self, surface: SurfaceState) -> Surface:
+        kept = self._kept(surface)
+        needs = "all" if kept is None else self._needs(surface, kept)
+        if kept is None or needs == "all":
+            return surface.surface(None, None, surface.given)
+        return surface.surface(None, kept.track, self._new_keyframes(surface, kept))
+
+    def _take_track(self, surface: SurfaceState, track: Track, place: Place) -> None:
+        """Gives a track to the surface that it was made for, where that is there still."""
+        stem = self.job_file.name.removesuffix(".json").removesuffix(".job")
+        names = (self.folder / f"{stem}{number}{TRACK}" for number in chain([""], map(".{}".format, count(2))))
+        file = next(name for name in names if not name.exists())
+        track.save(file)
+        self._made.add(file)
+        id = self._keep(Kept(track, file, place))
+        for other in self._state.surfaces:
+            same_track = surface.track is not None and other.track is not None and other.track.id == surface.track.id
+            if other is surface or same_track or other.place(self._state.tracking) == place:
+                other.track = TrackState(id)
+                return
+
+    def _keep(self, kept: Kept) -> str:
+        id = secrets.token_urlsafe(6)
+        self._tracks[id] = kept
+        return id
+
+    def _kept(self, surface: SurfaceState) -> Kept | None:
+        return None if surface.track is None else self._tracks.get(surface.track.id)
+
+    def _needs(self, surface: SurfaceState, kept: Kept) -> str:
+        """What of a track has to be tracked anew: 'nothing', 'keyframes' (next to them), or 'all'."""
+        place = surface.place(self._state.tracking)
+        own = msgspec.structs.replace(kept.own, time=place.time, smooth=place.smooth)
+        if kept.place is not None:
+            own = msgspec.structs.replace(own, time=kept.place.time, smooth=kept.place.smooth)
+        if not (_same_place(place, own) or (kept.place is not None and _same_place(place, kept.place))):
+            return "all"
+        if any(frame not in surface.given for frame in kept.track.keyframes):
+            return "all"
+        return "keyframes" if self._new_keyframes(surface, kept) else "nothing"
+
+    def _new_keyframes(self, surface: SurfaceState, kept: Kept) -> dict[int, Array]:
+        used = kept.track.used
+        return {i: c for i, c in surface.given.items() if i not in used or np.abs(used[i] - c).max() > SAME_PX}
+
+    # ---- corners ----
+
+    def snapped(self, frame: int, corners: Any) -> dict[str, Any]:
+        """Corners moved to the edges beside them, and how far, px.
+
+        Raises:
+            Refusal: there is no such frame, or the corners cannot be those of a surface.
+        """
+        image = self.frames.image(frame)
+        quad, moved = _checked("corners", lambda: snap(Observation(image), np.array(corners, np.float64)))
+        return {"corners": np.round(quad, 3).tolist(), "moved": np.round(moved, 3).tolist()}
+
+
+def job_file_of(video: Path) -> Path:
+    """The job file that belongs to a video."""
+    return beside(video, JOB)
+
+
+def _read(path: Path) -> JobEntry:
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=JobEntry)
+    except OSError as error:
+        raise InputError(f"cannot read job file {path}: {error.strerror}") from error
+    except msgspec.DecodeError as error:
+        raise InputError(f"{path} is not as a job file must be ({error}): mend it, or move it away") from error
+
+
+def _checked(field: str, work: Callable[[], Any]) -> Any:
+    try:
+        return work()
+    except InputError as error:
+        raise Refusal(422, str(error), field) from error
+
+
+def _same_place(a: Place, b: Place) -> bool:
+    """Whether two places are the same, but for what is lost on the way to the page and back."""
+    if (a.start, a.snap, a.time, a.smooth, len(a.exclude)) != (b.start, b.snap, b.time, b.smooth, len(b.exclude)):
+        return False
+    pairs = [(a.quad, b.quad), (a.region, b.region), *zip(a.exclude, b.exclude, strict=True)]
+    return all(_same_points(one, other) for one, other in pairs)
+
+
+def _same_points(a: Any, b: Any) -> bool:
+    if a is None or b is None:
+        return a is b
+    return len(a) == len(b) and bool(np.abs(np.subtract(a, b)).max() <= SAME_PX)
+
+
+def _tuple(points: Array) -> tuple[tuple[float, float], ...]:
+    return tuple((float(x), float(y)) for x, y in points)

@@ -1,0 +1,111 @@
+"""Frames by their numbers, in whichever order they are asked for, of files of all kinds."""
+
+import random
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ar_demo.media.reader import VideoReader
+from ar_demo.studio.errors import Refusal
+from ar_demo.studio.frames import Bounded, Frames, FramesModel, Pile
+from ar_demo.studio.pictures import from_jpeg
+
+from .. import clips
+from .conftest import Studio
+
+COUNT = 120
+LAZY = FramesModel(idle_seconds=1e6)  # decodes what is asked for
+
+
+@pytest.fixture(scope="module")
+def numbered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One long group of pictures, with B frames."""
+    options = {"preset": "medium", "bf": "3"}
+    return clips.make_clip(tmp_path_factory.mktemp("n") / "n.mp4", clips.numbered(COUNT), gop=COUNT, options=options)
+
+
+def number(data: bytes) -> int:
+    return clips.number_of(from_jpeg(data))
+
+
+@pytest.mark.parametrize("order", [lambda r: r, lambda r: r[::-1], lambda r: random.Random(1).sample(r, len(r))])
+@pytest.mark.parametrize("model", [LAZY, FramesModel(before_frames=3, block_frames=8, idle_seconds=0.01)])
+def test_each_number_has_its_frame(numbered: Path, order: Callable[[list[int]], list[int]], model: FramesModel) -> None:
+    with VideoReader(numbered) as reader, Frames(reader, COUNT, model) as frames:
+        for index in order([*range(0, COUNT, 3)]):
+            assert number(frames.picture(index)) == index
+            assert number(frames.picture(index, 32)) == index
+
+
+def test_a_frame_is_as_high_as_it_is_asked_for(numbered: Path) -> None:
+    with VideoReader(numbered) as reader, Frames(reader, COUNT) as frames:
+        assert from_jpeg(frames.picture(5)).shape == (64, 96, 3)
+        assert from_jpeg(frames.picture(5, 32)).shape == (32, 48, 3)
+        assert from_jpeg(frames.picture(5, 500)).shape == (64, 96, 3)  # never more than there is
+        for index in (-1, COUNT):
+            with pytest.raises(Refusal, match=f"no frame {index}"):
+                frames.picture(index)
+
+
+def test_all_frames_are_kept_while_nothing_is_asked_for(numbered: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with VideoReader(numbered) as reader, Frames(reader, COUNT, FramesModel(idle_seconds=0.01)) as frames:
+        end = time.monotonic() + 20
+        while not all(index in frames._kept for index in range(COUNT)) and time.monotonic() < end:
+            time.sleep(0.01)
+        monkeypatch.setattr(reader, "frames", None)  # nothing is decoded any more
+        assert [number(frames.picture(index)) for index in (119, 0, 60)] == [119, 0, 60]
+
+
+def test_a_full_disk_and_a_small_one_cost_time_alone(numbered: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with VideoReader(numbered) as reader, Frames(reader, COUNT, FramesModel(most_disk_bytes=1)) as frames:
+        assert [number(frames.picture(index)) for index in (100, 99, 3)] == [100, 99, 3]
+    pile = Pile()
+    monkeypatch.setattr("os.pwrite", lambda *_: 0)
+    pile.put(1, b"piece")
+    assert pile.get(1) is None
+    assert pile.is_full
+    pile.close()
+
+
+def test_a_file_that_breaks_off_is_told(numbered: Path, tmp_path: Path) -> None:
+    """Its header promises more frames than there are."""
+    broken = tmp_path / "b.mkv"
+    clips.make_clip(broken, clips.numbered(60))
+    clips.truncated(broken, 0.5)
+    with VideoReader(broken) as reader, Frames(reader, 60, FramesModel(idle_seconds=0.01)) as frames:
+        assert number(frames.picture(2)) == 2
+        with pytest.raises(Refusal, match="cannot be decoded"):
+            frames.picture(59)
+        assert number(frames.picture(5)) == 5
+
+
+def test_bounded_keeps_what_was_used_last() -> None:
+    kept: Bounded[str] = Bounded(10)
+    for key in "abc":
+        kept.put(key, key, 4)
+    assert (kept.get("a"), kept.get("b"), kept.get("c")) == (None, "b", "c")
+    kept.get("b")
+    kept.put("d", "d", 6)
+    assert (kept.get("b"), kept.get("c"), kept.get("d")) == ("b", None, "d")
+    kept.put("d", "D", 6)
+    assert kept.get("b") == "b"
+
+
+def test_the_page_gets_a_frame_with_its_number_and_time(studio: Studio) -> None:
+    answer = studio.get("/frames/5", height=120)
+    assert answer.headers["content-type"] == "image/jpeg"
+    assert (answer.headers["x-frame"], answer.headers["x-time"]) == ("5", "0.200000")
+    assert "immutable" in answer.headers["cache-control"]
+    image = from_jpeg(answer.content)
+    assert image.shape == (120, 160, 3)
+    with VideoReader(studio.folder / "street.mp4") as reader:
+        [frame] = reader.frames(5, 6)
+    exact = from_jpeg(studio.get("/frames/5").content)
+    assert np.abs(exact.astype(int) - frame.image).mean() < 3
+    for query in ({"height": "0"}, {"height": "-1"}, {"height": "x"}, {"height": "100000"}):
+        assert studio.get("/frames/5", **query).status_code == 400
+    assert studio.get("/frames/16").status_code == 404
+    assert studio.get("/frames/-1").status_code == 404
