@@ -10,11 +10,13 @@ from .media.sequences import ImageSequence
 from .options import OutputOptions, TrackingOptions
 from .pipeline import replace, track
 from .progress import Progress
+from .report.report import Report
 from .results import Result
 from .session import Session
 from .surface import Keyframe, Moment, Span, Surface, parse_quad
 from .tracking.protocol import PlanarTracker
 from .tracks import Track
+from .verdict import Limits, Verdict, judge
 
 __all__ = [
     "ExportOptions",
@@ -24,11 +26,13 @@ __all__ = [
     "InputError",
     "Keyframe",
     "Keys",
+    "Limits",
     "LiveSession",
     "Moment",
     "OutputOptions",
     "PlanarTracker",
     "Progress",
+    "Report",
     "Result",
     "RunError",
     "Session",
@@ -37,8 +41,10 @@ __all__ = [
     "Surface",
     "Track",
     "TrackingOptions",
+    "Verdict",
     "export_track",
     "join",
+    "judge",
     "load_track",
     "parse_quad",
     "replace",

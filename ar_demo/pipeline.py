@@ -18,11 +18,14 @@ from .media.sequences import SUFFIXES, ImageSequence
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, silent
 from .rendering.outputs import Outputs
+from .report.facts import settings
+from .report.report import Report, check_page
 from .results import Plan, Result
 from .session import Session, check_output, claimed_output, claimed_outputs
 from .surface import Surface
 from .tracking.protocol import MakeTracker
 from .tracks import Track
+from .verdict import LIMITS, Limits, judge
 
 
 def replace(
@@ -35,6 +38,8 @@ def replace(
     save_track: Path | str | None = None,
     layer: Path | str | None = None,
     matte: Path | str | None = None,
+    report: Path | str | None = None,
+    limits: Limits = LIMITS,
 ) -> Result:
     """Puts ads on the surfaces of a video in one pass; later ones are drawn over earlier ones.
 
@@ -46,6 +51,8 @@ def replace(
         listen: called after each frame.
         save_track: where to write the tracks; of several the first goes to NAME.1.json, and so on.
         layer, matte: what is laid on the video by itself, and its alpha alone, to write; see `Session.render`.
+        report: page to write, see `Report`.
+        limits: by which the result has its verdict.
 
     Raises:
         InputError, RunError: see `Session.track` and `Session.render`.
@@ -55,20 +62,36 @@ def replace(
     """
     started = time.perf_counter()
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
-    with _begun(input, surfaces, output, options, listen, save_track, layer, matte) as job:
-        session, surfaces, outputs, files, claims = job
+    with _begun(input, surfaces, output, options, listen, save_track, layer, matte, report) as job:
+        session, surfaces, outputs, files, claims, page = job
         tracked = session.track(surfaces, tracking)
         for file, surface in zip(claims, tracked, strict=False):
             if surface.track is not None:
                 surface.track.save(file)
         try:
             result = session.render(tracked, outputs.video, options, tracking.end, outputs.layer, outputs.matte)
+            rendering = result.seconds
         except (RunError, OSError) as error:
             new = [now.track for now, given in zip(tracked, surfaces, strict=True) if now.track is not given.track]
             if isinstance(error, Stopped) or not new:
                 raise
             raise RunError(f"{error}; {_kept([track for track in new if track], files, outputs.paths[0])}") from error
-    return changed(result, seconds=time.perf_counter() - started)
+        tracks = [surface.track for surface in tracked if surface.track is not None]
+        seconds = time.perf_counter() - started
+        result = changed(result, seconds=seconds, verdict=judge(tracks, limits))
+        if page is not None:
+            Report.of(
+                tracks,
+                session.reader.source,
+                None if outputs.video is None else ImageSequence.find(outputs.video.path) or outputs.video.path,
+                limits,
+                [surface.name for surface in tracked],
+                settings({"input": str(input)}, *tracked, tracking, options),
+                {"tracking and checks": f"{seconds - rendering:.1f} s", "rendering": f"{rendering:.1f} s"},
+                result.warnings,
+                listen,
+            ).save(page)
+    return result
 
 
 def plan_replacing(
@@ -80,6 +103,7 @@ def plan_replacing(
     save_track: Path | str | None = None,
     layer: Path | str | None = None,
     matte: Path | str | None = None,
+    report: Path | str | None = None,
 ) -> Plan:
     """What `replace` would do: checks all that it checks before it works, and leaves nothing behind.
 
@@ -87,18 +111,21 @@ def plan_replacing(
         InputError, RunError: see `replace`.
     """
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
-    with _begun(input, surfaces, output, options, silent, save_track, layer, matte) as job:
-        return job.session.plan(job.surfaces, tracking, [*job.outputs.paths, *job.files])
+    with _begun(input, surfaces, output, options, silent, save_track, layer, matte, report) as job:
+        written = [*job.outputs.paths, *job.files, *([] if job.report is None else [job.report.path])]
+        return job.session.plan(job.surfaces, tracking, written)
 
 
 class _Begun(NamedTuple):
-    """A job that is checked and about to be done: files are for the tracks, and claims are those on them."""
+    """A job that is checked and about to be done: files are for the tracks, and claims are those on them; report is
+    the claim on its name."""
 
     session: Session
     surfaces: list[Surface]
     outputs: Outputs
     files: list[Path]
     claims: list[Claim]
+    report: Claim | None
 
 
 @contextmanager
@@ -111,6 +138,7 @@ def _begun(
     save_track: Path | str | None,
     layer: Path | str | None,
     matte: Path | str | None,
+    report: Path | str | None,
 ) -> Iterator[_Begun]:
     """Checks what can be checked before the work, and claims all names for as long as the context lasts."""
     surfaces = [surfaces] if isinstance(surfaces, Surface) else list(surfaces)
@@ -120,13 +148,15 @@ def _begun(
         output = default_output(input)
     names = [Path(name) if name is not None else None for name in (output, layer, matte)]
     files = track_files(Path(save_track), len(surfaces)) if save_track is not None else []
-    check_different([*filter(None, names), *files])
+    pages = [] if report is None else [check_page(report)]
+    check_different([*filter(None, names), *files, *pages])
     with ExitStack() as held, Session(input, listen) as session:
         inputs = (input, *(surface.ad for surface in surfaces))
         outputs = held.enter_context(claimed_outputs(names, options, *inputs))
         claims = [held.enter_context(claimed_output(file, options, *inputs)) for file in files]
+        page = held.enter_context(claimed_output(pages[0], options, *inputs)) if pages else None
         session.check(surfaces, outputs, options)
-        yield _Begun(session, surfaces, outputs, files, claims)
+        yield _Begun(session, surfaces, outputs, files, claims, page)
 
 
 def _kept(tracks: Sequence[Track], files: Sequence[Path], output: Path) -> str:
@@ -151,6 +181,8 @@ def track(
     save_steady: Path | str | None = None,
     options: OutputOptions | None = None,
     save_track: Path | str | None = None,
+    report: Path | str | None = None,
+    limits: Limits = LIMITS,
 ) -> Track:
     """Tracks a surface through a video; one that has a track is tracked anew next to keyframes that are new to it.
 
@@ -162,21 +194,24 @@ def track(
         save_steady: video to write, in which the surface stands still, see `Session.steady`.
         options: how that is written, and whether existing files may be replaced.
         save_track: track file to write.
+        report: page to write, see `Report`; limits: by which it has its verdict.
 
     Raises:
         InputError: see `Session.track`; an output that exists.
         RunError: an output cannot be written.
     """
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
-    outputs = save_track, save_map, save_steady
+    outputs = save_track, save_map, save_steady, report
     _check_names(input, outputs, options)
     with ExitStack() as held, Session(input, listen, make_tracker) as session:
-        file, picture, steady = (
+        file, picture, steady, page = (
             None if path is None else held.enter_context(claimed_output(path, options, input)) for path in outputs
         )
         if steady is not None:
             session.check_steady(steady, options)
+        started = time.perf_counter()
         [tracked] = session.track([surface], tracking)
+        seconds = time.perf_counter() - started
         assert tracked.track is not None
         if file is not None:
             tracked.track.save(file)
@@ -184,6 +219,15 @@ def track(
             write_picture(picture, session.plane_picture(tracked.track).drawn)
         if steady is not None:
             session.steady(tracked.track, steady, options)
+        if page is not None:
+            Report.of(
+                tracked.track,
+                session.reader.source,
+                limits=limits,
+                settings=settings({"input": str(input)}, surface, tracking),
+                timings={"tracking": f"{seconds:.1f} s"},
+                listen=listen,
+            ).save(page)
     return tracked.track
 
 
@@ -196,6 +240,7 @@ def plan_tracking(
     save_track: Path | str | None = None,
     save_map: Path | str | None = None,
     save_steady: Path | str | None = None,
+    report: Path | str | None = None,
 ) -> Plan:
     """What `track`, and exports, would do: checks all that is checked before the work, and leaves nothing behind.
 
@@ -203,8 +248,9 @@ def plan_tracking(
         InputError, RunError: see `track`.
     """
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
-    _check_names(input, (save_track, save_map, save_steady), options)
-    outputs = [Path(path) for path in (save_track, save_map, save_steady, *exports) if path is not None]
+    files = save_track, save_map, save_steady, report
+    _check_names(input, files, options)
+    outputs = [Path(path) for path in (*files, *exports) if path is not None]
     with ExitStack() as held, Session(input) as session:
         for path in outputs:
             held.enter_context(claimed_output(path, options, input))
@@ -214,16 +260,18 @@ def plan_tracking(
 def _check_names(
     input: Path | str | ImageSequence, outputs: tuple[Path | str | None, ...], options: OutputOptions
 ) -> None:
-    """Raises InputError for a name that cannot be written to: of the track file, the map, the steady view."""
+    """Raises InputError for a name that cannot be written to: of the track file, map, steady view and report."""
     named = [Path(path) for path in outputs if path is not None]
     check_different(named)
     for path in named:
         check_output(path, options, input)
-    _, picture, steady = outputs
+    _, picture, steady, report = outputs
     if picture is not None:
         check_picture_name(Path(picture))
     if steady is not None:
         check_video_name(Path(steady))
+    if report is not None:
+        check_page(report)
 
 
 KEPT = "{}.track.json"  # a track's file, by the name of the output that it was made for

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .markup import items, table
+from .verdict import Verdict
 from .words import counted
 
 
@@ -21,6 +23,7 @@ class Result:
         warnings: what went differently from what was asked, one sentence each.
         surfaces: of each surface its ad and the states of its frames.
         dropped: frames of a live source that came too fast; None where there was no such source.
+        verdict: whether the tracks can be believed unseen; None where they are not kept, as of a live source.
     """
 
     output: Path | None
@@ -33,6 +36,7 @@ class Result:
     dropped: int | None = None
     layer: Path | None = None
     matte: Path | None = None
+    verdict: Verdict | None = None
 
     @property
     def outputs(self) -> list[Path]:
@@ -51,12 +55,24 @@ class Result:
             "frames": self.frames,
             "states": self.states,
             "surfaces": self.surfaces,
+            **({} if self.verdict is None else {"verdict": self.verdict.summary()}),
             **({} if self.dropped is None else {"dropped": self.dropped}),
             "seconds": round(self.seconds, 3),
             "fps": round(self.fps, 2),
             "compositor": self.compositor,
             "warnings": self.warnings,
         }
+
+    def _repr_html_(self) -> str:
+        rows = [
+            ("Written", ", ".join(map(str, self.outputs))),
+            ("Frames", f"{self.frames}: " + ", ".join(f"{count} {state}" for state, count in self.states.items())),
+            ("Time", f"{self.seconds:.1f} s, {self.fps:.1f} frames/s"),
+            ("Drawn by", self.compositor),
+        ]
+        if self.verdict is not None:
+            rows.append(("Verdict", str(self.verdict)))
+        return f"{table(rows)}{items(self.warnings)}"
 
 
 @dataclass

@@ -37,6 +37,7 @@ from .tracking.passes import Passes
 from .tracking.pictures import plane_pictures
 from .tracking.protocol import MakeTracker, hdn_trackers
 from .tracks import Track
+from .verdict import judge
 from .words import counted
 
 log = logging.getLogger(__name__)
@@ -255,6 +256,7 @@ class Session(AbstractContextManager["Session"]):
             [{"ad": s.name, "states": track.counts_in(part)} for s, track in zip(surfaces, tracks, strict=True)],
             layer=outputs.layer.path if outputs.layer else None,
             matte=outputs.matte.path if outputs.matte else None,
+            verdict=judge(tracks),
         )
 
     def _part(self, options: OutputOptions) -> range | None:

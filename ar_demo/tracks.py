@@ -17,6 +17,7 @@ from hdn.imaging.regions import EVERYWHERE, Region
 from hdn.state import STATES, State
 
 from .errors import InputError
+from .markup import items, state_bar, table
 from .media.claims import Claim, write_whole
 from .words import counted
 
@@ -209,6 +210,12 @@ class Track:
             "frames": frames,
         }
         return json.dumps(content)
+
+    def _repr_html_(self) -> str:
+        told = ", ".join(f"{count} {state}" for state, count in self.counts.items())
+        size = f"{self.source.width}x{self.source.height}, {float(self.source.fps):.6g} frames/s"
+        rows = [("Track", self.source.path), ("Video", size), ("States", told)]
+        return f"{table(rows)}{state_bar(self.states[self.inside])}{items(self.warnings)}"
 
     def _keyframe(self, index: int) -> dict[str, Any]:
         used = {"used": self.used[index].tolist()} if index in self.used else {}

@@ -43,6 +43,13 @@ RULES = (
     Rule(("time",), "--live", _has("live"), "frames are seen once, as they come"),
     Rule(("dry_run",), "--live", _has("live"), "frames are seen once, as they come"),
     Rule(("progress",), "--dry-run", _has("dry_run"), "nothing is worked on"),
+    Rule(
+        ("report", "max_held", "max_lost", "fail_lost", "max_deviation"),
+        "--live",
+        _has("live"),
+        "live tracks are not kept",
+    ),
+    Rule(("report",), "--frames", _has("frames"), "it is on the whole of a track: see ar-report"),
     Rule(("save_track",), "--live", _has("live"), "live tracks are not kept"),
     Rule(("fps",), "--live", _has("live"), "frames have the times at which they come"),
     Rule(

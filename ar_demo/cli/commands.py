@@ -23,12 +23,13 @@ from ..results import Plan, Result
 from ..session import claimed_output
 from ..surface import ADS_ALONE, Keyframe, Moment, Span, Surface, parse_polygon, parse_quad
 from ..tracking.corrections import needs_correction
+from ..verdict import Limits, judge
 from ..words import counted
 from .applicability import STDOUT, check_applicable, flag, inapplicable
 from .defaults import Defaults, load_defaults
 from .display import Display, display_of
 from .exports import exports_of
-from .jobs import Job, load_job
+from .jobs import Job, limits_of, load_job
 from .reporting import Log, in_words, print_summary, set_up_logging, warn
 from .stdio import standard_output, stopped_by_signals
 
@@ -59,6 +60,8 @@ def _replace(given: Namespace, defaults: Defaults, display: Display) -> int:
     save_track = _either("save_track", given, job.save_track if job else None)
     layer = _either("layer", given, job.layer if job else None)
     matte = _either("save_matte", given, job.save_matte if job else None)
+    report = _either("report", given, job.report if job else None)
+    limits = Limits(**defaults.limits() | (job.limits() if job else {}) | limits_of(vars(given)))
     said = (job.output_options() if job else {}) | _of(OutputOptions, given)
     if "live" not in given:
         if output is None and layer is None and matte is None:
@@ -70,17 +73,18 @@ def _replace(given: Namespace, defaults: Defaults, display: Display) -> int:
     surfaces = _surfaces(given, job, input, defaults)
     _check_tracked(given, surfaces, options.frames)
     if "dry_run" in given:
-        plan = plan_replacing(input, surfaces, output, tracking, options, save_track, layer, matte)
+        plan = plan_replacing(input, surfaces, output, tracking, options, save_track, layer, matte, report)
         return _tell(plan, given, log)
     if "live" in given:
         result = _live(str(input), surfaces, output, tracking, options, display)
     else:
-        result = replace(input, surfaces, output, tracking, options, display, save_track, layer=layer, matte=matte)
+        pages = {"layer": layer, "matte": matte, "report": report, "limits": limits}
+        result = replace(input, surfaces, output, tracking, options, display, save_track, **pages)
     if "json" in given:
         print(json.dumps(result.summary()))
     else:
         print_summary(result)
-    return warn(result.warnings, log, "strict" in given)
+    return warn(result.warnings, log, "strict" in given, result.verdict)
 
 
 def track_command(given: Namespace) -> int:
@@ -102,24 +106,26 @@ def _track(given: Namespace, defaults: Defaults, display: Display) -> int:
     output = given.output if "output" in given else beside(given.input, ".track.json")
     defaults = defaults.fitting(getattr(given, "save_steady", None), None)
     options = OutputOptions(**defaults.output() | _of(OutputOptions, given))
-    pictures = {name: getattr(given, name) for name in ("save_map", "save_steady") if name in given}
+    pictures = {name: getattr(given, name) for name in ("save_map", "save_steady", "report") if name in given}
     check_different([output, *pictures.values(), *exports])
     tracking = TrackingOptions(**defaults.tracking() | _of(TrackingOptions, given))
+    limits = Limits(**defaults.limits() | limits_of(vars(given)))
     if "dry_run" in given:
         plan = plan_tracking(input, surface, tracking, options, exports, save_track=output, **pictures)
         return _tell(plan, given, log)
     with ExitStack() as held:
         claims = [held.enter_context(claimed_output(file, options, given.input)) for file in exports]
-        result = track(input, surface, tracking, display, options=options, save_track=output, **pictures)
+        result = track(input, surface, tracking, display, options=options, save_track=output, limits=limits, **pictures)
         warnings = result.warnings
         if exports:
             warnings = [*warnings, *export_track(result, claims, getattr(given, "format", ()), export_options)]
+    verdict = judge(result, limits)
     if "json" in given:
-        summary = {"output": str(output), "frames": len(result), "states": result.counts, "warnings": warnings}
-        print(json.dumps(summary))
+        states = {"states": result.counts, "verdict": verdict.summary()}
+        print(json.dumps({"output": str(output), "frames": len(result), **states, "warnings": warnings}))
     else:
-        print(f"{output}: {counted(len(result), 'frame')} ({in_words(result.counts)})")
-    return warn(warnings, log, "strict" in given)
+        print(f"{output}: {counted(len(result), 'frame')} ({in_words(result.counts)})\nverdict: {verdict}")
+    return warn(warnings, log, "strict" in given, verdict)
 
 
 def _tell(plan: Plan, given: Namespace, log: Log) -> int:

@@ -27,7 +27,7 @@ from ..media import codecs
 from ..options import OutputOptions, TrackingOptions
 from ..rendering.outputs import OF_A_VIDEO, OF_SOUND
 from ..surface import ADS_ALONE, Surface
-from .jobs import RenderingEntry, SurfaceEntry, TrackingEntry
+from .jobs import LimitsEntry, RenderingEntry, SurfaceEntry, TrackingEntry, limits_of
 
 WITH_QUALITY = ("h264", "h265", "av1", "vp9")  # the codecs that know a crf
 PREFIX = "AR_REPLACE_"
@@ -36,6 +36,7 @@ REPORTING: dict[str, Any] = {"strict": bool, "quiet": bool, "json": bool, "progr
 _NAMES = {
     SurfaceEntry: ("fit", "playback", "blend", "opacity", "feather", "lost", "flat"),
     TrackingEntry: ("smooth", "device", "weights"),
+    LimitsEntry: ("max_held", "max_lost", "fail_lost", "max_deviation"),
     RenderingEntry: ("audio", "streams", "location", "backend", "codec", "crf", "depth", "overwrite"),
 }
 KEYS: dict[str, Any] = REPORTING | {
@@ -88,6 +89,10 @@ class Defaults:
     def output(self) -> dict[str, Any]:
         """Those of `OutputOptions`."""
         return self.of(OutputOptions)
+
+    def limits(self) -> dict[str, Any]:
+        """Those of `Limits`."""
+        return limits_of(self._values)
 
     def surface(self, effect: str = "replace") -> dict[str, Any]:
         """Those of a `Surface` with this effect."""

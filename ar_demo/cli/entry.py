@@ -6,7 +6,15 @@ from collections.abc import Callable, Sequence
 
 from hdn.commandline import Parser, load, run
 
-from .parsers import batch_parser, export_parser, join_parser, replace_parser, studio_parser, track_parser
+from .parsers import (
+    batch_parser,
+    export_parser,
+    join_parser,
+    replace_parser,
+    report_parser,
+    studio_parser,
+    track_parser,
+)
 
 LEFT_BEHIND = "nothing unfinished is left"
 
@@ -29,6 +37,11 @@ def export_main(arguments: Sequence[str] | None = None) -> None:
 def join_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-join."""
     _main(join_parser(), "ar_demo.cli.joining:join_command", arguments)
+
+
+def report_main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of ar-report."""
+    _main(report_parser(), "ar_demo.cli.reports:report_command", arguments)
 
 
 def batch_main(arguments: Sequence[str] | None = None) -> None:

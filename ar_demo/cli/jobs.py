@@ -20,6 +20,7 @@ named count before the job's. Files are looked for beside the job file. `job.sch
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -33,6 +34,7 @@ from ..importing.loading import load_track
 from ..media.download import is_url
 from ..media.sequences import ImageSequence
 from ..surface import Keyframe, Moment, Span, Surface, parse_polygon, parse_quad
+from ..verdict import Limits, parse_share
 
 SCHEMA = Path(__file__).with_name("job.schema.json")
 
@@ -136,6 +138,15 @@ class RenderingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     overwrite: bool | UnsetType = UNSET
 
 
+class LimitsEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """By which the verdict is found; the fields are those of `Limits`, shares as "5%" or 0.05."""
+
+    max_held: str | float | UnsetType = UNSET
+    max_lost: str | float | UnsetType = UNSET
+    fail_lost: str | float | UnsetType = UNSET
+    max_deviation: NotNegative | UnsetType = UNSET
+
+
 class JobEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     """A whole job: see the module."""
 
@@ -147,8 +158,10 @@ class JobEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     save_track: str | UnsetType = UNSET
     layer: str | UnsetType = UNSET
     save_matte: str | UnsetType = UNSET
+    report: str | UnsetType = UNSET
     tracking: TrackingEntry = msgspec.field(default_factory=TrackingEntry)
     rendering: RenderingEntry = msgspec.field(default_factory=RenderingEntry)
+    limits: LimitsEntry = msgspec.field(default_factory=LimitsEntry)
 
 
 class Job:
@@ -156,7 +169,7 @@ class Job:
 
     Attributes:
         input: a file or an address, None where it does not name one.
-        output, save_track, layer, save_matte: files, None where it does not name one.
+        output, save_track, layer, save_matte, report: files, None where it does not name one.
         fps: of an image sequence, None where it does not say.
     """
 
@@ -164,9 +177,9 @@ class Job:
         self._path, self._entry = path, entry
         self.fps = None if entry.fps is UNSET else entry.fps
         self.input: Path | str | None
-        self.input, self.output, self.save_track, self.layer, self.save_matte = (
+        self.input, self.output, self.save_track, self.layer, self.save_matte, self.report = (
             None if name is UNSET else path.parent / name
-            for name in (entry.input, entry.output, entry.save_track, entry.layer, entry.save_matte)
+            for name in (entry.input, entry.output, entry.save_track, entry.layer, entry.save_matte, entry.report)
         )
         if is_url(entry.input):
             self.input = entry.input
@@ -211,12 +224,33 @@ class Job:
             given["weights"] = self._path.parent / given["weights"]
         return given
 
+    def limits(self) -> dict[str, Any]:
+        """What the job says of `Limits`.
+
+        Raises:
+            InputError: a share that is none; the message says which.
+        """
+        try:
+            return limits_of(_given(self._entry.limits))
+        except InputError as error:
+            raise InputError(f"{self._path}: {error} - at `$.limits`") from error
+
     def output_options(self) -> dict[str, Any]:
         """What the job says of `OutputOptions`."""
         given = _given(self._entry.rendering)
         if "frames" in given:
             given["frames"] = FrameRange.parse(given["frames"])
         return given
+
+
+def limits_of(given: Mapping[str, Any]) -> dict[str, Any]:
+    """What is given of `Limits`, by the names of its fields, as these take it.
+
+    Raises:
+        InputError: a share that is none.
+    """
+    values = {f.name: given[f.name] for f in fields(Limits) if f.name in given}
+    return {name: value if name == "max_deviation" else parse_share(value) for name, value in values.items()}
 
 
 def load_job(path: Path) -> Job:

@@ -21,6 +21,10 @@ T = TypeVar("T")
 STATUSES = (
     "Exit status: 0 done, 1 failed while working, 2 wrong input; 130, 143 and 129 ended by Ctrl-C, SIGTERM and SIGHUP."
 )
+WITH_VERDICT = f"{STATUSES} With --strict also 4 and 5: the verdict on the track is check, or fail."
+STRICT = "exit with 1 where there was a warning, as for a damaged input"
+STRICT_WITH_VERDICT = f"{STRICT}, and with 4 or 5 by the verdict on the track"
+REPORT = "also write a page by which the track can be judged without watching it all, see docs/report.md"
 
 
 class _Parser(Parser):
@@ -41,7 +45,7 @@ def replace_parser() -> Parser:
     parser = _parser(
         "ar-replace",
         "Put an ad (video, image or animated image) on a planar surface of a video.",
-        f"Corners are pixels, x right and y down, in the frame that --start names. {STATUSES}",
+        f"Corners are pixels, x right and y down, in the frame that --start names. {WITH_VERDICT}",
     )
     add = parser.add_argument
     add(
@@ -61,6 +65,7 @@ def replace_parser() -> Parser:
         "l.%%05d.png or .exr; with -o both, else it alone",
     )
     add("--save-matte", type=Path, metavar="OUT", help="write its alpha alone, white on black; likewise")
+    add("--report", type=Path, metavar="HTML", help=REPORT)
     add(
         "--live",
         action="store_true",
@@ -126,13 +131,14 @@ def replace_parser() -> Parser:
         help="render these frames of a --track alone, by the numbers of their pictures; others that are there stay",
     )
     add("--layer-codec", metavar="CODEC", help="prores4444, animation, ffv1 or vp9 (default: the container's usual)")
-    _add_common(parser)
+    _add_verdict(parser)
+    _add_common(parser, STRICT_WITH_VERDICT)
     return parser
 
 
 def track_parser() -> Parser:
     """Of ar-track."""
-    parser = _parser("ar-track", "Track a planar surface of a video and write the track as JSON.", STATUSES)
+    parser = _parser("ar-track", "Track a planar surface of a video and write the track as JSON.", WITH_VERDICT)
     parser.add_argument(
         "input", help="the video or its http(s) address, or pictures: a folder, in.%%05d.png, a glob in quotes"
     )
@@ -140,6 +146,7 @@ def track_parser() -> Parser:
     add = parser.add_argument
     add("--save-map", type=Path, metavar="PNG", help="also write a picture of the plane, put together from the video")
     add("--save-steady", type=Path, metavar="MP4", help="also write a video in which the surface stands still")
+    add("--report", type=Path, metavar="HTML", help=REPORT)
     _add_progress(parser)
     _add_tracking(parser, "correct this track: track anew only next to keyframes that are new to it")
     add = parser.add_argument_group("other programs").add_argument
@@ -151,7 +158,8 @@ def track_parser() -> Parser:
         help="also write the track for another program; may be repeated",
     )
     _add_export(add)
-    _add_common(parser)
+    _add_verdict(parser)
+    _add_common(parser, STRICT_WITH_VERDICT)
     return parser
 
 
@@ -181,7 +189,27 @@ def join_parser() -> Parser:
     add("--audio", choices=("source", "none"), help="whose sound (default: source)")
     _add_streams(add)
     add("--overwrite", action="store_true", help="replace an existing output")
-    add("--strict", action="store_true", help="exit with 1 where there was a warning, as for a damaged input")
+    add("--strict", action="store_true", help=STRICT)
+    add("--quiet", action="store_true", help="no log")
+    add("--json", action="store_true", help="print a machine-readable summary")
+    return parser
+
+
+def report_parser() -> Parser:
+    """Of ar-report."""
+    parser = _parser(
+        "ar-report",
+        "Judge a track, and write a page that shows where it is to be looked at.",
+        WITH_VERDICT,
+    )
+    add = parser.add_argument
+    add("track", type=Path, help="the track file")
+    add("input", nargs="?", help="the video that it was made of; without it the page has plots and no pictures")
+    add("-o", "--output", type=Path, help="page to write (default: TRACK.html beside the track)")
+    add("--composite", type=Path, metavar="VIDEO", help="what was rendered with it, for stills before and after")
+    _add_verdict(parser)
+    add("--overwrite", action="store_true", help="replace an existing page")
+    add("--strict", action="store_true", help="exit with 4 where the verdict is check, and with 5 where it is fail")
     add("--quiet", action="store_true", help="no log")
     add("--json", action="store_true", help="print a machine-readable summary")
     return parser
@@ -319,10 +347,24 @@ def _add_progress(parser: Parser) -> None:
     )
 
 
-def _add_common(parser: Parser) -> None:
+def _add_verdict(parser: Parser) -> None:
+    add = parser.add_argument_group("the verdict: what passes unseen").add_argument
+    add("--max-held", metavar="SHARE", help="of the frames, that may be held (default: 5%%), else check")
+    add("--max-lost", metavar="SHARE", help="of the frames, that may be lost (default: 0%%), else check")
+    add("--fail-lost", metavar="SHARE", help="of lost frames, beyond which it fails (default: 50%%)")
+    add(
+        "--max-deviation",
+        type=float,
+        metavar="PX",
+        help="standard deviation of the corners that no frame may exceed (default: 2; in proportion more where frames "
+        "are larger than 1280 px), else check",
+    )
+
+
+def _add_common(parser: Parser, strict: str = STRICT) -> None:
     add = parser.add_argument
     add("--overwrite", action="store_true", help="replace an existing output")
-    add("--strict", action="store_true", help="exit with 1 where there was a warning, as for a damaged input")
+    add("--strict", action="store_true", help=strict)
     add("--quiet", action="store_true", help="no log, and no progress but what --progress asks for")
     add("--json", action="store_true", help="print a machine-readable summary")
 
@@ -333,6 +375,7 @@ PARSERS = {
     "ar-track": track_parser,
     "ar-export": export_parser,
     "ar-join": join_parser,
+    "ar-report": report_parser,
     "ar-batch": batch_parser,
     "ar-studio": studio_parser,
 }

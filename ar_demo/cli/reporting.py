@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from hdn.commandline import DONE, FAILED
 
 from ..results import Result
+from ..tracking.states import is_suspicion
+from ..verdict import Verdict
 from ..words import counted
 
 
@@ -47,16 +49,25 @@ def print_summary(result: Result) -> None:
         f"{', '.join(map(str, result.outputs))}: {counted(result.frames, 'frame')} ({states}), "
         f"{result.fps:.1f} frames/s{dropped}, {result.compositor}"
     )
+    if result.verdict is not None:
+        print(f"verdict: {result.verdict}")
     for number, surface in enumerate(result.surfaces if len(result.surfaces) > 1 else [], 1):
         print(f"  surface {number}, {surface['ad'] or 'no ad'}: {in_words(surface['states'])}")
 
 
-def warn(warnings: Sequence[str], log: Log, strict: bool) -> int:
-    """Writes the warnings that the log has not written yet to stderr; the exit status."""
+def warn(warnings: Sequence[str], log: Log, strict: bool, verdict: Verdict | None = None) -> int:
+    """Writes the warnings that the log has not written yet to stderr; the exit status.
+
+    Of stretches of a track that are worth a look, the verdict tells whether they matter.
+    """
     for warning in dict.fromkeys(warnings):
         if warning not in log.told:
             print(f"warning: {warning}", file=sys.stderr)
-    return FAILED if warnings and strict else DONE
+    if not strict:
+        return DONE
+    if verdict is not None and verdict.status != "pass":
+        return verdict.exit_status
+    return FAILED if any(verdict is None or not is_suspicion(warning) for warning in warnings) else DONE
 
 
 def in_words(states: Mapping[str, int]) -> str:

@@ -33,7 +33,19 @@ from ..tracking.protocol import MakeTracker, hdn_trackers
 log = logging.getLogger(__name__)
 
 # Modules that have no part in tracking.
-NO_PART = ("cli", "compositing", "evaluation", "export", "live", "progress", "rendering", "scene")
+NO_PART = (
+    "cli",
+    "compositing",
+    "evaluation",
+    "export",
+    "live",
+    "markup",
+    "progress",
+    "rendering",
+    "report",
+    "scene",
+    "verdict",
+)
 FPS = 30  # of the temporary video: data sets seldom tell the rate
 LOSSLESS = {"preset": "ultrafast", "qp": "0"}  # of libx264rgb
 

@@ -16,7 +16,7 @@ from .joint import Shot
 from .measurements import Record
 from .runs import Run
 from .segments import segments
-from .states import judged, suspicions
+from .states import is_suspicion, judged, suspicions
 
 TRACKED = STATES.index("tracked")
 HELD = STATES.index("held")
@@ -108,7 +108,7 @@ def solve(
     track.used = dict(track.keyframes)
     _fix(track)
     disagrees = ((record.states == TRACKED) & record.measured).any(0)[:n] & ~agrees
-    kept = [warning for warning in track.warnings if not warning.startswith("frames ")]
+    kept = [warning for warning in track.warnings if not is_suspicion(warning)]
     outside: set[int] = {*range(n)} - {*range(n)[track.inside]}  # which is no reason to wonder
     track.warnings = kept + suspicions(
         ["tracked" if i in outside else s for i, s in enumerate(track.states)], disagrees

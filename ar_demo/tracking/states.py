@@ -1,5 +1,6 @@
 """What is told of a solved track: which frames are tracked, held or lost, and which a user had better look at."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -49,6 +50,11 @@ def judged(
     for i in np.flatnonzero(tracked | held):
         states[i] = "tracked" if tracked[i] else "held"
     return states
+
+
+def is_suspicion(warning: str) -> bool:
+    """Whether a warning is one of `suspicions`, of one surface or of one of several."""
+    return re.match(r"(surface \d+: )?frames \d+ to \d+: ", warning) is not None
 
 
 def suspicions(states: Sequence[State], disagrees: NDArray[np.bool_]) -> list[str]:

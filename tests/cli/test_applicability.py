@@ -73,8 +73,18 @@ OPTIONS: dict[str, list[str]] = {
     "start_number": ["--start-number", "1001"],
     "frames": ["--frames", "1-2"],
     "overwrite": ["--overwrite"],
+    "report": ["--report", "r.html"],
+    "max_held": ["--max-held", "10%"],
+    "max_lost": ["--max-lost", "0.3"],
+    "fail_lost": ["--fail-lost", "90%"],
+    "max_deviation": ["--max-deviation", "1.5"],
 }
 OF_BOTH = (
+    "report",
+    "max_held",
+    "max_lost",
+    "fail_lost",
+    "max_deviation",
     "fps",
     "first_frame",
     "quad",
@@ -310,6 +320,9 @@ def test_warnings_of_a_track_are_told_once(run: Run, done: list[Any], quiet: tup
     code, out, err = run(*told, main=entry.track_main)
     assert (code, err) == (0, "warning: frames 1 to 2: hardly seen\n")
     assert '"warnings": ["frames 1 to 2: hardly seen"]' in out
+    assert run(*told, "--strict", main=entry.track_main)[0] == 0  # whether it matters, the verdict says
+    track.warnings = ["in.mp4 is damaged"]
+    track.save("t.json")
     assert run(*told, "--strict", main=entry.track_main)[0] == 1
 
 
