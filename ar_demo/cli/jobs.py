@@ -161,7 +161,7 @@ class JobEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     report: str | UnsetType = UNSET
     tracking: TrackingEntry = msgspec.field(default_factory=TrackingEntry)
     rendering: RenderingEntry = msgspec.field(default_factory=RenderingEntry)
-    limits: LimitsEntry = msgspec.field(default_factory=LimitsEntry)
+    limits: LimitsEntry | UnsetType = UNSET
 
 
 class Job:
@@ -231,7 +231,7 @@ class Job:
             InputError: a share that is none; the message says which.
         """
         try:
-            return limits_of(_given(self._entry.limits))
+            return {} if self._entry.limits is UNSET else limits_of(_given(self._entry.limits))
         except InputError as error:
             raise InputError(f"{self._path}: {error} - at `$.limits`") from error
 
