@@ -1,5 +1,6 @@
 """The whole job in one call: track, smooth, render."""
 
+import logging
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -26,6 +27,8 @@ from .surface import Surface
 from .tracking.protocol import MakeTracker
 from .tracks import Track
 from .verdict import LIMITS, Limits, judge
+
+log = logging.getLogger(__name__)
 
 
 def replace(
@@ -62,7 +65,7 @@ def replace(
     """
     started = time.perf_counter()
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
-    with _begun(input, surfaces, output, options, listen, save_track, layer, matte, report) as job:
+    with _begun(input, surfaces, output, tracking, options, listen, save_track, layer, matte, report) as job:
         session, surfaces, outputs, files, claims, page = job
         tracked = session.track(surfaces, tracking)
         for file, surface in zip(claims, tracked, strict=False):
@@ -111,7 +114,7 @@ def plan_replacing(
         InputError, RunError: see `replace`.
     """
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
-    with _begun(input, surfaces, output, options, silent, save_track, layer, matte, report) as job:
+    with _begun(input, surfaces, output, tracking, options, silent, save_track, layer, matte, report) as job:
         written = [*job.outputs.paths, *job.files, *([] if job.report is None else [job.report.path])]
         return job.session.plan(job.surfaces, tracking, written)
 
@@ -133,6 +136,7 @@ def _begun(
     input: Path | str | ImageSequence,
     surfaces: Surface | Sequence[Surface],
     output: Path | str | None,
+    tracking: TrackingOptions,
     options: OutputOptions,
     listen: Listener,
     save_track: Path | str | None,
@@ -147,15 +151,17 @@ def _begun(
     if output is None and layer is None and matte is None:
         output = default_output(input)
     names = [Path(name) if name is not None else None for name in (output, layer, matte)]
-    files = track_files(Path(save_track), len(surfaces)) if save_track is not None else []
     pages = [] if report is None else [check_page(report)]
-    check_different([*filter(None, names), *files, *pages])
+    check_different([*filter(None, names), *([] if save_track is None else [Path(save_track)]), *pages])
     with ExitStack() as held, Session(input, listen) as session:
         inputs = (input, *(surface.ad for surface in surfaces))
         outputs = held.enter_context(claimed_outputs(names, options, *inputs))
-        claims = [held.enter_context(claimed_output(file, options, *inputs)) for file in files]
         page = held.enter_context(claimed_output(pages[0], options, *inputs)) if pages else None
         session.check(surfaces, outputs, options)
+        surfaces = session.located(surfaces, tracking)
+        files = track_files(Path(save_track), len(surfaces)) if save_track is not None else []
+        check_different([*filter(None, names), *files, *pages])
+        claims = [held.enter_context(claimed_output(file, options, *inputs)) for file in files]
         yield _Begun(session, surfaces, outputs, files, claims, page)
 
 
@@ -210,7 +216,10 @@ def track(
         if steady is not None:
             session.check_steady(steady, options)
         started = time.perf_counter()
-        [tracked] = session.track([surface], tracking)
+        copies = session.located([surface], tracking)
+        if len(copies) > 1:
+            log.warning("%s is seen %d times: the one that is seen best is tracked", surface.find, len(copies))
+        [tracked] = session.track(copies[:1], tracking)
         seconds = time.perf_counter() - started
         assert tracked.track is not None
         if file is not None:

@@ -9,10 +9,15 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar
 
+from hdn.networks.engine import Engine
+from hdn.networks.loading import load_engine
 from hdn.plane.picture import PlanePicture
 
 from .compositing.compositor import open_compositor
 from .errors import InputError
+from .finding.pictures import Picture, read_pictures
+from .finding.search import Found, search
+from .finding.surfaces import Wanted
 from .media.claims import Claim, check_name, claimed
 from .media.codecs import holds_sound, is_picture
 from .media.numbering import Numbering
@@ -84,17 +89,48 @@ class Session(AbstractContextManager["Session"]):
         """
         self._stop.set()
 
+    def find(self, pictures: Sequence[Path | str], options: TrackingOptions | None = None) -> Found:
+        """Where and when the video shows pictures: files, or folders of them.
+
+        Raises:
+            InputError: a file is no picture or shows too little, the time is beyond the end.
+            Stopped: see `stop`.
+        """
+        return self._search(read_pictures(pictures), options or TrackingOptions())
+
+    def located(self, surfaces: Sequence[Surface], options: TrackingOptions | None = None) -> list[Surface]:
+        """The surfaces, those that have to be found by a picture with their quads instead: one for each copy of it.
+
+        Raises:
+            InputError: see `find`.
+            NotFound: a picture is not seen, or never wholly inside the frame.
+            Stopped: see `stop`.
+        """
+        wanted = Wanted(surfaces)
+        if not wanted.pictures:
+            return list(surfaces)
+        return wanted.located(self._search(wanted.pictures, options or TrackingOptions()))
+
+    def _search(self, pictures: Sequence[Picture], options: TrackingOptions) -> Found:
+        def load() -> Engine:
+            return load_engine(options.weights, options.device)
+
+        return self._numbered_rightly(lambda: search(self.reader, pictures, options, load, self.listen, self._stop))
+
     def track(self, surfaces: Sequence[Surface], options: TrackingOptions | None = None) -> list[Surface]:
         """The surfaces with their tracks, as smooth as the options say.
 
-        Those without one are tracked, all in one pass over the video; a track that was not made with all of its
+        Those without one are tracked, all in one pass over the video; those that are to be found by a picture are found
+        before, see `located`, and may become several. A track that was not made with all of its
         keyframes is tracked anew next to these, and stays as it is elsewhere.
 
         Raises:
             InputError: no quad or an impossible one, a track of another video, a frame named that is beyond the end.
+            NotFound: see `located`.
             Stopped: see `stop`.
         """
         options = options or TrackingOptions()
+        surfaces = self.located(surfaces, options)
         surfaces = self._fitting(surfaces, options)
         return self._numbered_rightly(lambda: self._track(surfaces, options))
 
@@ -107,7 +143,7 @@ class Session(AbstractContextManager["Session"]):
         Raises:
             InputError: see `track`.
         """
-        surfaces = self._fitting(surfaces, options)
+        surfaces = self._fitting(self.located(surfaces, options), options)
         passes, info = self._passes(options), self.reader.info
         starts, first = passes.prepare([surface for surface in surfaces if surface.track is None])
         at, told = iter(starts), []

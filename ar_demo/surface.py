@@ -166,7 +166,9 @@ class Surface:
     Attributes:
         ad: video, image or animated image; None with an effect that is made from the surface itself.
         quad: (4, 2) the surface's corners in the reference frame, px; top-left, top-right, bottom-right, bottom-left of
-            the ad as it shall appear. Not needed where there is a track.
+            the ad as it shall appear. Not needed where there is a track, or a picture to find it by.
+        find: picture of the surface, or folder of such, by which it is found in the video; each copy that is seen at
+            once is a surface of its own.
         snap: whether the quad, given by hand, moves to the clear edges beside it; keyframes stay as they are given.
         start: the reference frame; tracking runs forward and backward from it.
         region: polygon (n, 2) of the reference frame, px, of what is tracked: around the quad where more of its plane
@@ -193,6 +195,7 @@ class Surface:
 
     ad: Path | str | None = None
     quad: Array | None = None
+    find: Path | str | None = None
     snap: bool = False
     start: Moment = FIRST
     region: Array | None = None
@@ -260,6 +263,10 @@ class Surface:
             for name in ADS_ALONE:
                 if getattr(self, name) != _DEFAULTS[name]:
                     raise InputError(f"{name} does nothing with effect {self.effect}, which needs no ad: leave it out")
+        if self.find is not None:
+            for name in ("quad", "start", "region", "exclude", "keyframes", "track"):
+                if getattr(self, name) is not _DEFAULTS[name]:
+                    raise InputError(f"{name} does nothing beside find, which says where the surface is: leave one out")
         if self.track is not None:
             for name in ("quad", "snap", "start", "region", "exclude"):
                 if getattr(self, name) is not _DEFAULTS[name]:

@@ -118,7 +118,7 @@ def _status(command: Command, arguments: Sequence[str] | None, interrupted: str)
         return FAILED
     except (RunError, MemoryError) as error:
         print(f"error: {str(error) or type(error).__name__}", file=sys.stderr)
-        return FAILED
+        return error.exit_status if isinstance(error, RunError) else FAILED
     except KeyboardInterrupt as error:
         print(f"interrupted: {interrupted}", file=sys.stderr)
         return ended_status(error.number) if isinstance(error, Ended) else INTERRUPTED

@@ -6,7 +6,9 @@ class InputError(ValueError):
 
 
 class RunError(RuntimeError):
-    """Something failed while working on good input. Command lines exit with 1."""
+    """Something failed while working on good input. Command lines exit with 1, or as a kind of it says."""
+
+    exit_status = 1
 
 
 TORCH_MISSING = "PyTorch, which is not installed: install it with pip install 'ar-replace[torch]'"

@@ -29,14 +29,23 @@ def _has(name: str) -> Callable[[Namespace], bool]:
 
 RULES = (
     Rule(
-        ("ad", "quad", "track", "keyframe", "surface", "region", "exclude"),
+        ("ad", "quad", "find", "track", "keyframe", "surface", "region", "exclude"),
         "--job",
         _has("job"),
         "the job file has the surfaces",
     ),
-    Rule(("ad", "quad", "track", "keyframe"), "--surface", _has("surface"), "it has an ad and corners of its own"),
+    Rule(
+        ("ad", "quad", "find", "track", "keyframe"), "--surface", _has("surface"), "it has an ad and corners of its own"
+    ),
     Rule(("region", "exclude"), "--surface", _has("surface"), "each surface has its own: give them in a job file"),
     Rule(("quad", "snap", "start", "end", "region", "exclude"), "--track", _has("track"), "the track has its own"),
+    Rule(
+        ("quad", "start", "region", "exclude", "track", "keyframe"),
+        "--find",
+        _has("find"),
+        "the picture says where the surface is",
+    ),
+    Rule(("find",), "--live", _has("live"), "the whole video is searched"),
     Rule(("first_frame",), "--job", _has("job"), "give it beside each track in the job file"),
     Rule(("track", "keyframe"), "--live", _has("live"), "frames are seen once, as they come"),
     Rule(("end",), "--time", _has("time"), "it has an end of its own"),

@@ -2,6 +2,7 @@
 
 import json
 from argparse import Namespace
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
@@ -33,7 +34,7 @@ from .jobs import Job, limits_of, load_job
 from .reporting import Log, in_words, print_summary, set_up_logging, warn
 from .stdio import standard_output, stopped_by_signals
 
-NO_SURFACE = "say where the surface is: --quad x,y x,y x,y x,y, or --track track.json"
+NO_SURFACE = "say where the surface is: --quad x,y x,y x,y x,y, --find picture.png, or --track track.json"
 
 
 def replace_command(given: Namespace) -> int:
@@ -52,7 +53,7 @@ def _replace(given: Namespace, defaults: Defaults, display: Display) -> int:
     if input is None:
         raise InputError("name the video: ar-replace VIDEO AD --quad ...")
     if "live" not in given:
-        input = _source(input, _either("fps", given, job.fps if job else None))
+        input = source_of(input, _either("fps", given, job.fps if job else None))
         _check_strict(given, input)
     in_job = job.tracking_options() if job else {}
     tracking = TrackingOptions(**defaults.tracking() | in_job | _of(TrackingOptions, given))
@@ -99,9 +100,11 @@ def _track(given: Namespace, defaults: Defaults, display: Display) -> int:
     log = set_up_logging("quiet" in given)
     check_applicable(given)
     exports, export_options = exports_of(given)
-    input = _source(given.input, getattr(given, "fps", None))
+    input = source_of(given.input, getattr(given, "fps", None))
     _check_strict(given, input)
-    [surface] = _surfaces(given, None, input, Defaults())
+    surface, *others = _surfaces(given, None, input, Defaults())
+    if others:
+        raise InputError("ar-track tracks one surface: give --find once, or let ar-replace --save-track write them all")
     _check_tracked(given, [surface])
     output = given.output if "output" in given else beside(given.input, ".track.json")
     defaults = defaults.fitting(getattr(given, "save_steady", None), None)
@@ -171,7 +174,7 @@ def _of(kind: type, given: Namespace) -> dict[str, Any]:
     return values
 
 
-def _source(input: Path | str, fps: str | float | None) -> Path | str | ImageSequence:
+def source_of(input: Path | str, fps: str | float | None) -> Path | str | ImageSequence:
     """The video, or the pictures, that an input names."""
     if is_url(input) and fps is None:
         return input
@@ -199,6 +202,8 @@ def _surfaces(
     if "surface" in given:
         with_ads = {ad != "-" for ad, _ in given.surface}
         return [_placed(ad, corners, values, len(with_ads) == 2, defaults) for ad, corners in given.surface]
+    if "find" in given:
+        return _found(values.pop("find"), values, defaults)
     if "keyframe" in given:
         values["keyframes"] = tuple(map(Keyframe.parse, given.keyframe))
     if "quad" not in values and "track" not in values:
@@ -212,6 +217,28 @@ def _placed(ad: str, corners: str, values: dict[str, Any], is_mixed: bool, defau
     own = {name: value for name, value in values.items() if not is_mixed or name not in others}
     own = defaults.surface(own.get("effect", "replace")) | own
     return Surface(**own | {"ad": None if ad == "-" else Path(ad), "quad": parse_quad(corners)})
+
+
+def _found(texts: Sequence[str], values: dict[str, Any], defaults: Defaults) -> list[Surface]:
+    """The surfaces of --find."""
+    said = [_picture_and_ad(text) for text in texts]
+    if "ad" in values and all("ad" in each for each in said):
+        raise InputError("an ad and --find PICTURE=AD do not go together: the picture has an ad of its own")
+    return [Surface(**defaults.surface(values.get("effect", "replace")) | values | each) for each in said]
+
+
+def _picture_and_ad(text: str) -> dict[str, Path]:
+    """What --find PICTURE or PICTURE=AD says of a surface.
+
+    Raises:
+        InputError: no picture is named, or no ad after the sign.
+    """
+    picture, sign, ad = text.rpartition("=")
+    if not sign or Path(text).exists():
+        return {"find": Path(text)}
+    if not picture or not ad:
+        raise InputError(f"--find '{text}' is neither PICTURE nor PICTURE=AD: give one of these")
+    return {"find": Path(picture), "ad": Path(ad)}
 
 
 def _check_tracked(given: Namespace, surfaces: list[Surface], frames: FrameRange | None = None) -> None:

@@ -9,6 +9,7 @@ from hdn.commandline import Parser, load, run
 from .parsers import (
     batch_parser,
     export_parser,
+    find_parser,
     join_parser,
     replace_parser,
     report_parser,
@@ -32,6 +33,11 @@ def track_main(arguments: Sequence[str] | None = None) -> None:
 def export_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-export."""
     _main(export_parser(), "ar_demo.cli.exports:export_command", arguments)
+
+
+def find_main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of ar-find."""
+    _main(find_parser(), "ar_demo.cli.finds:find_command", arguments)
 
 
 def join_main(arguments: Sequence[str] | None = None) -> None:

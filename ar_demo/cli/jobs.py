@@ -11,6 +11,7 @@
          "keyframes": [{"frame": 120, "corners": [[95, 61], [214, 66], [212, 171], [93, 162]]}]},
         {"effect": "blur", "quad": "90,60 210,64 208,170 88,160", "region": "60,40 250,40 250,200 60,200",
          "exclude": ["100,80 140,80 140,120"]},
+        {"ad": "new.mp4", "find": "poster.png"},
         {"effect": "mosaic", "track": "plate.track.json"}]}
 
 Only "version" and "surfaces" are needed: what the file does not say is as on the command line, where files that are
@@ -55,6 +56,7 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
 
     ad: str | UnsetType | None = UNSET
     quad: Corners | UnsetType = UNSET
+    find: str | UnsetType = UNSET  # a picture of it, or a folder of such
     snap: bool | UnsetType = UNSET
     start: When | UnsetType = UNSET
     region: Corners | UnsetType = UNSET
@@ -104,8 +106,10 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
             given["track"] = load_track(folder / given["track"], video, first_frame)
         elif first_frame is not None:
             raise InputError("first_frame does nothing without track: leave it out")
+        elif "find" in given:
+            given["find"] = folder / given["find"]
         elif "quad" not in given:
-            raise InputError("it has neither quad nor track: give its corners")
+            raise InputError("it has neither quad, find nor track: give its corners")
         said = dict(common) | given
         return Surface(**dict(defaults(said.get("effect", "replace"))) | said)
 

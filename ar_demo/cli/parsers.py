@@ -19,7 +19,8 @@ FIRST_FRAME = (
 )
 T = TypeVar("T")
 STATUSES = (
-    "Exit status: 0 done, 1 failed while working, 2 wrong input; 130, 143 and 129 ended by Ctrl-C, SIGTERM and SIGHUP."
+    "Exit status: 0 done, 1 failed while working, 2 wrong input, 3 a picture that is to be found is not seen; 130, 143 "
+    "and 129 ended by Ctrl-C, SIGTERM and SIGHUP."
 )
 WITH_VERDICT = f"{STATUSES} With --strict also 4 and 5: the verdict on the track is check, or fail."
 STRICT = "exit with 1 where there was a warning, as for a damaged input"
@@ -82,7 +83,7 @@ def replace_parser() -> Parser:
     )
     add("--job", type=Path, metavar="JSON", help="a job file: surfaces with options of their own, see the README")
     _add_progress(parser)
-    _add_tracking(parser, "render this track instead of tracking")
+    _add_tracking(parser, "render this track instead of tracking", "PICTURE[=AD]")
     add = parser.add_argument_group("the ad").add_argument
     add("--fit", choices=CHOICES["fit"], help="how its shape is brought to the surface's (default: stretch)")
     for name, value, text in (
@@ -148,7 +149,7 @@ def track_parser() -> Parser:
     add("--save-steady", type=Path, metavar="MP4", help="also write a video in which the surface stands still")
     add("--report", type=Path, metavar="HTML", help=REPORT)
     _add_progress(parser)
-    _add_tracking(parser, "correct this track: track anew only next to keyframes that are new to it")
+    _add_tracking(parser, "correct this track: track anew only next to keyframes that are new to it", "PICTURE")
     add = parser.add_argument_group("other programs").add_argument
     add(
         "--export",
@@ -172,6 +173,23 @@ def export_parser() -> Parser:
     _add_export(add)
     add("--first-frame", type=int, metavar="N", help=FIRST_FRAME)
     _add_common(parser)
+    return parser
+
+
+def find_parser() -> Parser:
+    """Of ar-find."""
+    parser = _parser("ar-find", "Say where and when a video shows pictures.", STATUSES)
+    add = parser.add_argument
+    add("input", help="the video or its http(s) address, or pictures: a folder, in.%%05d.png, a glob in quotes")
+    add("pictures", type=Path, nargs="+", metavar="PICTURE", help="what is looked for: pictures, or folders of them")
+    add("--end", metavar="WHEN", help="last frame that is looked at: number (120) or time (4.5s, 0:04.5)")
+    add("--time", metavar="A..B", help="look at this part only, as 10s..20s or 250..")
+    _add_fps(add)
+    _add_networks(add)
+    _add_progress_kind(add)
+    add("--strict", action="store_true", help="exit with 1 where there was a warning, as for a damaged input")
+    add("--quiet", action="store_true", help="no log, and no progress but what --progress asks for")
+    add("--json", action="store_true", help="print where and when each is seen as JSON, in place of a table")
     return parser
 
 
@@ -261,12 +279,19 @@ def _parser(name: str, description: str, epilog: str) -> Parser:
     return parser
 
 
-def _add_tracking(parser: Parser, use_of_track: str) -> None:
+def _add_tracking(parser: Parser, use_of_track: str, find: str) -> None:
     add = parser.add_argument_group("the surface").add_argument
     add(
         "--quad",
         metavar="X,Y X,Y X,Y X,Y",
         help="its corners: top-left, top-right, bottom-right, bottom-left of the ad",
+    )
+    add(
+        "--find",
+        action="append",
+        metavar=find,
+        help="in place of the quad, a picture of the surface, or a folder of such, by which it is found in the video"
+        + (", and the ad for it; may be repeated; every copy of it is replaced" if find != "PICTURE" else ""),
     )
     add("--snap", action="store_true", help="move the corners of the quad to clear edges a few pixels beside it")
     add(
@@ -298,7 +323,15 @@ def _add_tracking(parser: Parser, use_of_track: str) -> None:
     add("--end", metavar="WHEN", help="last frame; later ones are left out")
     add("--time", metavar="A..B", help="track, and draw on, this part only, as 10s..20s or 250..; the rest is copied")
     add("--smooth", type=float, metavar="X", help="0 off, 1 by the track's noise (default), more is stronger")
+    _add_fps(add)
+    _add_networks(add)
+
+
+def _add_fps(add: Any) -> None:
     add("--fps", metavar="N", help="frames a second of an image sequence: 24, 23.976, 30000/1001 (default: 25)")
+
+
+def _add_networks(add: Any) -> None:
     add("--device", choices=CHOICES["device"], help="what runs the networks (default: auto)")
     add("--weights", type=Path, help="another weights file (.safetensors)")
 
@@ -339,7 +372,11 @@ def _add_progress(parser: Parser) -> None:
     parser.add_argument(
         "--dry-run", action="store_true", help="check everything, say what would be done, and write nothing"
     )
-    parser.add_argument(
+    _add_progress_kind(parser.add_argument)
+
+
+def _add_progress_kind(add: Any) -> None:
+    add(
         "--progress",
         choices=CHOICES["progress"],
         help="a bar (default on a terminal), a line now and then (both on stderr), or JSON lines or the lines of Open "
@@ -374,6 +411,7 @@ PARSERS = {
     "ar-replace": replace_parser,
     "ar-track": track_parser,
     "ar-export": export_parser,
+    "ar-find": find_parser,
     "ar-join": join_parser,
     "ar-report": report_parser,
     "ar-batch": batch_parser,

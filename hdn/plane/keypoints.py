@@ -111,7 +111,7 @@ class PlaneKeypoints:
         if homography is None or np.count_nonzero(inliers) < MODEL.min_inliers:
             return None
         pose, agree = normalised(np.asarray(homography, np.float64)), np.asarray(inliers, bool)[:, 0]
-        covariance = _covariance(refiner, pose, source[agree], target[agree])
+        covariance = covariance_of_matches(refiner, pose, source[agree], target[agree])
         return KeypointPose(pose, covariance, int(np.count_nonzero(agree)))
 
     def _add(self, points: Array, descriptors: Floats) -> None:
@@ -155,8 +155,8 @@ def _matches(own: Floats, other: Floats) -> NDArray[np.int_]:
     return np.stack([np.flatnonzero(good), square[good].argmin(1)], 1)
 
 
-def _covariance(refiner: Refiner, homography: Array, source: Array, target: Array) -> Array:
-    """Covariance (8, 8) of a pose by its matches (N, 2), as `Alignment` tells it."""
+def covariance_of_matches(refiner: Refiner, homography: Array, source: Array, target: Array) -> Array:
+    """Covariance (8, 8) of a pose (3, 3) by its matches (N, 2), px of template and frame, as `Alignment` tells it."""
     error = target - transform(homography, source)
     deviation = max(MODEL.least_error_px, MAD_TO_DEVIATION * float(np.median(np.abs(error))))
     information = refiner.information(homography, source, deviation**2) + MODEL.weak_prior * np.eye(8)

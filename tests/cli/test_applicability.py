@@ -21,6 +21,7 @@ MODES = {
     "quad": ["in.mp4", "ad.png", "--quad", *QUAD],
     "track": ["in.mp4", "ad.png", "--track", "t.json"],
     "track to correct": ["in.mp4", "ad.png", "--track", "t.json", "--keyframe", "1:10,10,90,10,90,90,10,95"],
+    "find": ["in.mp4", "ad.png", "--find", "poster.png"],
     "surfaces": ["in.mp4", "--surface", "ad.png", *QUAD],
     "job": ["in.mp4", "--job", "job.json"],
     "live": ["0", "ad.png", "--live", "--quad", *QUAD],
@@ -35,6 +36,7 @@ OPTIONS: dict[str, list[str]] = {
     "surface": ["--surface", "b.png", *QUAD],
     "job": ["--job", "job.json"],
     "quad": ["--quad", "20,10", *QUAD[1:]],
+    "find": ["--find", "other.png"],
     "snap": ["--snap"],
     "start": ["--start", "1"],
     "region": ["--region", "5,5", "95,5", "50,95"],
@@ -88,6 +90,7 @@ OF_BOTH = (
     "fps",
     "first_frame",
     "quad",
+    "find",
     "snap",
     "start",
     "region",
@@ -181,7 +184,7 @@ def test_an_option_of_ar_replace_counts_or_is_refused(run: Run, done: list[Any],
 
 
 @pytest.mark.parametrize("option", OPTIONS_OF_TRACK)
-@pytest.mark.parametrize("mode", ["quad", "track", "track to correct"])
+@pytest.mark.parametrize("mode", ["quad", "find", "track", "track to correct"])
 def test_an_option_of_ar_track_counts_or_is_refused(run: Run, done: list[Any], mode: str, option: str) -> None:
     usual = [a for a in MODES[mode] if a != "ad.png"]
     arguments = OPTIONS_OF_TRACK[option]

@@ -62,7 +62,7 @@ def test_files_that_are_not_named_are_none(tmp_path: Path) -> None:
         ('{"version": 1}', "missing required field `surfaces`"),
         ('{"version": 2, "surfaces": [{}]}', r"\$.version"),
         ('{"version": 1, "surfaces": []}', r"length >= 1.*\$.surfaces"),
-        ('{"version": 1, "surfaces": [{"ad": "a.png"}]}', r"neither quad nor track.*\$.surfaces\[0\]"),
+        ('{"version": 1, "surfaces": [{"ad": "a.png"}]}', r"neither quad, find nor track.*\$.surfaces\[0\]"),
         ('{"version": 1, "surfaces": [{"quad": "1,2 3,4", "ad": "a.png"}]}', r"four corners.*\$.surfaces\[0\]"),
         ('{"version": 1, "surfaces": [{"quad": "Q", "sparkle": 1}]}', r"unknown field `sparkle`.*\$.surfaces\[0\]"),
         ('{"version": 1, "surfaces": [{"quad": "Q", "opacity": "much"}]}', r"float.*\$.surfaces\[0\].opacity"),
