@@ -90,7 +90,7 @@ def test_an_unfinished_surface_is_kept_and_the_command_line_says_what_is_missing
     content["surfaces"], content["revision"] = [{"fit": "cover"}], 1
     assert studio.page.put(studio.url, json=content).status_code == 200
     assert again(studio).content["surfaces"][0]["fit"] == "cover"
-    with pytest.raises(InputError, match=r"neither quad nor track.*surfaces\[0\]"):
+    with pytest.raises(InputError, match=r"neither quad, find nor track.*surfaces\[0\]"):
         load_job(studio.folder / "street.job.json").surfaces_with({})
 
 
