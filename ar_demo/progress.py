@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
 
-from hdn.imaging.arrays import Picture
+from hdn.imaging.arrays import Array, Picture
 from hdn.state import STATES, State
 
 
@@ -18,6 +18,8 @@ class Progress:
         states: of the surfaces in this frame, in their order; None for one that is not looked at now.
         preview: the frame, RGB (H, W, 3), uint8, in SDR; with the ads where they are drawn already. Not to be written
             to, and only valid during the call: copy what is kept.
+        frame: its index; None where that is not known.
+        corners: of the surfaces, as they were measured just now, (4, 2) px; None for one that is not looked at now.
     """
 
     stage: str
@@ -25,6 +27,8 @@ class Progress:
     total: int | None = None
     states: tuple[State | None, ...] = ()
     preview: Picture | None = None
+    frame: int | None = None
+    corners: tuple[Array | None, ...] = ()
 
     @property
     def state(self) -> State | None:
@@ -51,5 +55,11 @@ class Stage:
         """Args: done: frames that are done already."""
         self._listener, self._name, self._total, self._numbers = listener, name, total, count(done + 1)
 
-    def __call__(self, states: tuple[State | None, ...] = (), preview: Picture | None = None) -> None:
-        self._listener(Progress(self._name, next(self._numbers), self._total, states, preview))
+    def __call__(
+        self,
+        states: tuple[State | None, ...] = (),
+        preview: Picture | None = None,
+        frame: int | None = None,
+        corners: tuple[Array | None, ...] = (),
+    ) -> None:
+        self._listener(Progress(self._name, next(self._numbers), self._total, states, preview, frame, corners))

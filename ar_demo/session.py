@@ -13,6 +13,7 @@ from hdn.networks.engine import Engine
 from hdn.networks.loading import load_engine
 from hdn.plane.picture import PlanePicture
 
+from .choices import Backend
 from .compositing.compositor import open_compositor
 from .errors import InputError
 from .finding.pictures import Picture, read_pictures
@@ -29,9 +30,10 @@ from .media.threads import ahead, behind
 from .media.writer import VideoWriter
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, Stage, silent
-from .rendering.loop import Renderer, run_up
+from .rendering.loop import Frames, Renderer, run_up
 from .rendering.outputs import Outputs, OutputWriters
 from .rendering.painting import check_ad
+from .rendering.preview import Preview
 from .rendering.steady import SteadyView
 from .results import Plan, Result, total
 from .stopping import StopSignal
@@ -336,6 +338,23 @@ class Session(AbstractContextManager["Session"]):
             next((time for i, time in enumerate(times) if not is_within(end, i, time - times[0])), None),
             (Fraction(0), None) if heard.track is None else heard.track.seconds,
         )
+
+    def preview(
+        self, surfaces: Sequence[Surface], backend: Backend = "opencv", frames: Frames | None = None
+    ) -> Preview:
+        """Draws single frames as `render` will, in any order; surfaces need no tracks yet. See `Preview`.
+
+        Raises:
+            InputError: a track of another video, an ad that cannot be read, a quad that is impossible.
+
+        Example:
+            with session.preview([surface]) as preview:
+                picture = preview.frame(120)
+        """
+        for surface in surfaces:
+            if surface.track is not None:
+                check_belongs_to(surface.track, self.reader)
+        return Preview(self.reader, surfaces, backend, frames)
 
     def steady(self, track: Track, output: Path | str | Claim, options: OutputOptions | None = None) -> None:
         """Writes the video with the surface standing still, as in the reference frame; see `SteadyView`.

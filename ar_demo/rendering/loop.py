@@ -1,6 +1,6 @@
 """The render loop: ads onto their tracked surfaces, frame by frame."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace as changed
 from fractions import Fraction
@@ -22,6 +22,8 @@ from ..tracks import Track
 from .painting import Painter
 from .presentation import presentation
 
+Frames = Callable[[int, int], Iterable[Frame]]
+
 RUN_UP_FRAMES = 50  # before a part of a video, of which its light, grain and shutter are known
 
 
@@ -37,7 +39,9 @@ class _Drawn:
         InputError: no ad, or not one that can be read.
     """
 
-    def __init__(self, surface: Surface, track: Track, reader: VideoReader, compositor: Compositor) -> None:
+    def __init__(
+        self, surface: Surface, track: Track, reader: VideoReader, compositor: Compositor, frames: Frames
+    ) -> None:
         self.track = track
         self.painter = Painter(surface, track.quad, (reader.info.width, reader.info.height), compositor)
         self._poses, self._opacities = presentation(track, surface)
@@ -45,7 +49,7 @@ class _Drawn:
         self._appearance: Appearance | None = None
         if surface.in_scene:
             at = track.reference_frame
-            for frame in reader.frames(at, at + 1):
+            for frame in frames(at, at + 1):
                 grain = surface.grain == "auto"
                 self._appearance = Appearance(frame.image, track.quad, shared_matte(), surface.shutter, grain)
 
@@ -74,10 +78,13 @@ class _Drawn:
 class Renderer(AbstractContextManager["Renderer"]):
     """Draws ads onto the tracked surfaces of a video; later ones lie over earlier ones."""
 
-    def __init__(self, reader: VideoReader, surfaces: Sequence[Surface], backend: Backend) -> None:
+    def __init__(
+        self, reader: VideoReader, surfaces: Sequence[Surface], backend: Backend, frames: Frames | None = None
+    ) -> None:
         """Args:
             surfaces: with their tracks.
             backend: what draws.
+            frames: gives the reader's frames from one to before another; None takes the reader's own.
 
         Raises:
             InputError: an ad that cannot be read, a surface without a track.
@@ -90,7 +97,7 @@ class Renderer(AbstractContextManager["Renderer"]):
             for surface in surfaces:
                 if surface.track is None:
                     raise InputError("a surface has no track yet: track it first")
-                drawn = _Drawn(surface, surface.track, reader, self._compositor)
+                drawn = _Drawn(surface, surface.track, reader, self._compositor, frames or reader.frames)
                 opened.enter_context(drawn.painter)
                 self._drawn.append(drawn)
             self._opened = opened.pop_all()

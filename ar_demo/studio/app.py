@@ -71,9 +71,12 @@ def application(workspace: Workspace, admission: Admission) -> Starlette:
         Route("/api/projects/{project}", api.project),
         Route("/api/projects/{project}", api.change, methods=["PUT"]),
         Route("/api/projects/{project}/frames/{frame:int}", api.frame),
+        Route("/api/projects/{project}/composite/{frame:int}", api.composite),
+        Route("/api/projects/{project}/surfaces/{surface:int}/steady/{frame:int}", api.steady),
         Route("/api/projects/{project}/surfaces/{surface:int}/track", api.track),
         Route("/api/projects/{project}/snap", api.snap, methods=["POST"]),
         Route("/api/projects/{project}/track", api.begin_tracking, methods=["POST"]),
+        Route("/api/projects/{project}/render", api.begin_rendering, methods=["POST"]),
         Route("/api/projects/{project}/stop", api.stop, methods=["POST"]),
         Route("/api/projects/{project}/outputs", api.outputs),
         Route("/api/outputs/{output}", api.output),
@@ -162,6 +165,22 @@ class _Api:
         }
         return Response(data, media_type="image/jpeg", headers=headers)
 
+    async def composite(self, request: Request) -> Response:
+        project, index = self._project(request), int(request.path_params["frame"])
+        data, revision = await run_sync(project.composite, index, _height(request))
+        lasts = request.query_params.get("revision") == str(revision)
+        headers = {
+            "cache-control": FOREVER if lasts else "no-store",
+            "x-frame": str(index),
+            "x-revision": str(revision),
+        }
+        return Response(data, media_type="image/jpeg", headers=headers)
+
+    async def steady(self, request: Request) -> Response:
+        project, params = self._project(request), request.path_params
+        data = await run_sync(project.steady, int(params["surface"]), int(params["frame"]), _height(request))
+        return Response(data, media_type="image/jpeg", headers={"x-frame": str(params["frame"])})
+
     async def track(self, request: Request) -> Response:
         project = self._project(request)
         return JSONResponse(await run_sync(project.track_content, int(request.path_params["surface"])))
@@ -172,6 +191,11 @@ class _Api:
 
     async def begin_tracking(self, request: Request) -> Response:
         task = await run_sync(self._project(request).begin_tracking)
+        return JSONResponse(task.content, 202)
+
+    async def begin_rendering(self, request: Request) -> Response:
+        project, wanted = self._project(request), await _body(request, Wanted)
+        task = await run_sync(project.begin_rendering, wanted.name, wanted.overwrite)
         return JSONResponse(task.content, 202)
 
     async def stop(self, request: Request) -> Response:

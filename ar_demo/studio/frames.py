@@ -199,7 +199,7 @@ class Frames(AbstractContextManager["Frames"]):
         if (image := self._whole.get(index)) is not None:
             return image
         with self._changed:
-            self._check(index)
+            self.check(index)
             if self._is_closed:
                 raise Refusal(410, "this video was closed: open it again")
             future = self._waiting.pop(index, None) or Future()
@@ -207,12 +207,13 @@ class Frames(AbstractContextManager["Frames"]):
             self._changed.notify_all()
         return future.result()
 
-    def _check(self, index: int) -> None:
+    def check(self, index: int) -> None:
+        """Raises Refusal where there is no frame of this index."""
         if not 0 <= index < self.count:
             raise Refusal(404, f"there is no frame {index}: the video has frames 0 to {self.count - 1}")
 
     def _ask(self, index: int) -> None:
-        self._check(index)
+        self.check(index)
         with self._changed:
             if not self._asked or self._asked[-1] != index:
                 self._asked.append(index)

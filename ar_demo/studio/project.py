@@ -3,8 +3,9 @@
 import logging
 import math
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain, count
@@ -14,6 +15,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from msgspec import UNSET
 
 from hdn import Observation
 from hdn.alignment.snapping import snap
@@ -25,15 +27,18 @@ from ..cli.defaults import Defaults
 from ..cli.jobs import JobEntry, SurfaceEntry
 from ..errors import InputError
 from ..importing.loading import load_track
+from ..media import codecs
 from ..media.claims import write_whole
-from ..pipeline import beside
+from ..pipeline import beside, default_output
 from ..session import Session
 from ..surface import Surface
 from ..tracks import Track
+from .composites import Composites
 from .errors import Refusal
 from .events import Events
 from .files import Files
 from .frames import Frames
+from .shell import command
 from .state import (
     Change,
     Place,
@@ -118,6 +123,8 @@ class Project:
             try:
                 self._state = self._from_job()
                 self._take_ad(ad)
+                if self.output.is_file() and self._entry.output is not UNSET:
+                    self._add_output(self.output)
             except BaseException:
                 self.frames.close()
                 raise
@@ -125,10 +132,12 @@ class Project:
             self.session.reader.close()
             raise
         self.tasks = Tasks(self.session, self.events.send, self.frames.pause)
+        self.composites = Composites(self.session, self.frames)
 
     def close(self) -> None:
         """Stops what is under way, and removes tracks that were replaced."""
         self.tasks.close()
+        self.composites.close()
         self.frames.close()
         self.session.reader.close()
         named = {self._tracks[s.track.id].file for s in self._state.surfaces if s.track and s.track.id in self._tracks}
@@ -144,6 +153,12 @@ class Project:
     @property
     def name(self) -> str:
         return self.video.name
+
+    @property
+    def output(self) -> Path:
+        """What is rendered to, where nobody says otherwise."""
+        named = self._entry.output
+        return self.folder / (default_output(self.video).name if named is UNSET else named)
 
     # ---- what the page sees, and changes ----
 
@@ -171,6 +186,8 @@ class Project:
                 "rendering": msgspec.to_builtins(self._state.rendering),
                 "choices": {name: CHOICES[name] for name in OFFERED},
                 "job_file": self.job_file.name,
+                "output": self.output.name,
+                "command": self._command(),
                 "task": None if self.tasks.last is None else self.tasks.last.content,
             }
 
@@ -206,9 +223,7 @@ class Project:
     def _check(self, number: int, surface: SurfaceState) -> None:
         """Refuses a surface that cannot be; one that is not finished can."""
         field = f"surfaces.{number}"
-        ad = None
-        if surface.ad is not None:
-            ad = self.files.path(surface.ad)
+        ad = self._ad(surface)
         if surface.track is not None and surface.track.id not in self._tracks:
             raise Refusal(422, "there is no such track: track the surface again", f"{field}.track")
         if surface.start >= self.frames.count:
@@ -267,11 +282,19 @@ class Project:
 
     def _write(self) -> None:
         """The job file, whole."""
-        entry = self._entry
+        self._entry = self._job()
+        write_whole(self.job_file, msgspec.json.format(msgspec.json.encode(self._entry), indent=2) + b"\n")
+
+    def _job(self) -> JobEntry:
+        """What the job file is to say."""
+        entry = deepcopy(self._entry)
         entry.input = relative(self.video, self.folder)
         entry.surfaces = [self._entry_of(surface) for surface in self._state.surfaces] or [SurfaceEntry()]
         put_options(entry, self._state, self._defaults.output() | self._defaults.tracking())
-        write_whole(self.job_file, msgspec.json.format(msgspec.json.encode(entry), indent=2) + b"\n")
+        return entry
+
+    def _command(self) -> str:
+        return command(self._job(), self.job_file, self.video, self.output)
 
     def _entry_of(self, surface: SurfaceState) -> SurfaceEntry:
         kept = self._kept(surface)
@@ -343,7 +366,15 @@ class Project:
             options = _checked("tracking.time", lambda: tracking.options(self._entry, self.folder))
 
         def work(task: Task) -> None:
-            found = self.session.track(given, options)
+            found = list(given)
+            new = [number for number, surface in enumerate(given) if surface.track is None]
+            marked = [[number] for number, surface in enumerate(given) if surface.keyframes and surface.track]
+            for numbers in filter(None, [new, *marked]):
+                task.surfaces = numbers
+                for number, tracked in zip(
+                    numbers, self.session.track([given[n] for n in numbers], options), strict=True
+                ):
+                    found[number] = tracked
             with self._lock:
                 for surface, before, after in zip(surfaces, given, found, strict=True):
                     if after.track is not None and after.track is not before.track:
@@ -353,6 +384,86 @@ class Project:
                 self._changed()
 
         return self.tasks.begin("track", work)
+
+    def begin_rendering(self, name: str, overwrite: bool) -> Task:
+        """Renders to a file beside the job file.
+
+        Raises:
+            Refusal: a surface is not ready, there is no such name, or there is work under way.
+        """
+        output = self.folder / name
+        if output.name != name or name.startswith(".") or "\0" in name:
+            raise Refusal(422, "give a file's name, as out.mp4", "name")
+        if output.exists() and not overwrite:
+            raise Refusal(409, f"{name} is there already: replace it, or give another name", "name")
+        with self._lock:
+            surfaces = [self._to_render(number, surface) for number, surface in enumerate(self._state.surfaces)]
+            if not surfaces:
+                raise Refusal(409, "there is no surface yet: set its four corners")
+            rendering, end = self._state.rendering, self._state.tracking.options(self._entry, self.folder).end
+            options = _checked("rendering", lambda: rendering.options(self._entry, overwrite=overwrite))
+            _checked("name", lambda: codecs.choose(output, options.codec))
+            if self._entry.output is UNSET or self._entry.output != name:
+                self._entry.output = name
+                self._changed()
+
+        def work(task: Task) -> None:
+            result = self.session.render(surfaces, output, options, end)
+            task.warnings = result.warnings
+            task.output = self._add_output(output)
+
+        return self.tasks.begin("render", work)
+
+    def _to_render(self, number: int, surface: SurfaceState) -> Surface:
+        kept, field = self._kept(surface), f"surfaces.{number}"
+        if kept is None or self._needs(surface, kept) != "nothing":
+            raise Refusal(409, "track the surfaces first", f"{field}.track")
+        if surface.ad is None and surface.effect == "replace":
+            raise Refusal(422, "choose an ad for the surface", f"{field}.ad")
+        return surface.surface(self._ad(surface), kept.track, {})
+
+    def _ad(self, surface: SurfaceState) -> Path | None:
+        return None if surface.ad is None else self.files.path(surface.ad)
+
+    def _add_output(self, path: Path) -> str:
+        id = next((id for id, other in self.outputs.items() if other == path), secrets.token_urlsafe(6))
+        self.outputs[id] = path
+        return id
+
+    # ---- what it would look like ----
+
+    def composite(self, index: int, height: int | None) -> tuple[bytes, int]:
+        """A frame with the ads on it, as JPEG, and the revision that it shows.
+
+        Raises:
+            Refusal: there is no such frame.
+            InputError: a surface that cannot be drawn.
+        """
+        self.frames.check(index)
+        with self._lock:
+            revision, surfaces = self.revision, list(self._state.surfaces)
+        return self.composites.composite(index, height, revision, lambda: self._to_show(surfaces)), revision
+
+    def _to_show(self, surfaces: Sequence[SurfaceState]) -> list[Surface]:
+        """The surfaces that there is something to be seen of."""
+        shown = []
+        for surface in surfaces:
+            kept, ad = self._kept(surface), self._ad(surface)
+            if (ad is not None or surface.effect != "replace") and (kept is not None or surface.quad is not None):
+                shown.append(surface.surface(ad, None if kept is None else kept.track, {}))
+        return shown
+
+    def steady(self, number: int, index: int, height: int | None) -> bytes:
+        """A surface as it stands still, in a frame, as JPEG.
+
+        Raises:
+            Refusal: there is no such surface or frame, or it has no track there.
+        """
+        track = self.track(number)
+        self.frames.check(index)
+        if index >= len(track):
+            raise Refusal(404, f"the track ends with frame {len(track) - 1}")
+        return self.composites.steady(track, index, height)
 
     def _check_corners(self, surface: SurfaceState) -> None:
         info = self.session.reader.info

@@ -22,6 +22,7 @@ from hdn.imaging.arrays import Array
 from ..choices import AudioMode, Blend, Depth, Effect, Fit, Grain, Lost, Playback
 from ..cli.jobs import JobEntry, KeyframeEntry, SurfaceEntry
 from ..errors import InputError
+from ..frame_range import FrameRange
 from ..options import OutputOptions, TrackingOptions
 from ..surface import ADS_ALONE, IN_SCENE_ALONE, Keyframe, Moment, Span, Surface, parse_polygon, parse_quad
 from ..tracking.moments import index_of
@@ -163,6 +164,8 @@ class RenderingState(Struct, frozen=True):
             for name in entry.rendering.__struct_fields__
             if name not in own and (value := getattr(entry.rendering, name)) is not UNSET
         }
+        if "frames" in said:
+            said["frames"] = FrameRange.parse(said["frames"])
         return OutputOptions(**{name: getattr(self, name) for name in own} | said | others)
 
 

@@ -3,11 +3,13 @@
 import logging
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any, Literal
+
+import numpy as np
 
 from ..errors import InputError, RunError, Stopped
 from ..progress import Progress
@@ -27,6 +29,7 @@ class Task:
 
     Attributes:
         output: id of the file that was written.
+        surfaces: numbers of those that are tracked now.
     """
 
     kind: Kind
@@ -38,6 +41,7 @@ class Task:
     error: str | None = None
     warnings: list[str] = field(default_factory=list)
     output: str | None = None
+    surfaces: list[int] = field(default_factory=list)
     is_asked_to_stop: bool = False
 
     @property
@@ -143,3 +147,16 @@ class Tasks:
         if now - self._told >= EVENT_SECONDS:
             self._told = now
             self._send({"type": "task", **task.content})
+            for pose in _poses(task, event):
+                self._send(pose)
+
+
+def _poses(task: Task, event: Progress) -> Iterator[Event]:
+    """Where surfaces were just found."""
+    if event.frame is None or len(event.corners) != len(task.surfaces):  # a second look at some of them
+        return
+    for surface, state, corners in zip(task.surfaces, event.states, event.corners, strict=True):
+        if state is not None:
+            known = corners is not None and np.isfinite(corners).all()
+            found = {"corners": np.round(corners, 2).tolist()} if known and corners is not None else {}
+            yield {"type": "pose", "surface": surface, "frame": event.frame, "state": state, **found}

@@ -12,7 +12,7 @@ from .cuts import CutDetector
 from .protocol import PlanarTracker
 from .runs import Run
 
-Show = Callable[[tuple[State | None, ...], Picture], None]
+Show = Callable[[tuple[State | None, ...], Picture, int, tuple[Array | None, ...]], None]
 
 
 class Follower:
@@ -55,6 +55,11 @@ class Follower:
         """Of the frame just seen, None outside all runs."""
         return None if self._current is None else self._current.estimates[-1].state
 
+    @property
+    def corners(self) -> Array | None:
+        """(4, 2) px in the frame just seen, as measured; None outside all runs."""
+        return None if self._current is None else self._current.estimates[-1].corners
+
     def _begins(self, index: int) -> bool:
         return self._next < len(self.runs) and self.runs[self._next].anchor == index
 
@@ -64,7 +69,7 @@ def sweep(frames: Iterable[Frame], followers: Sequence[Follower], cuts: set[int]
 
     Args:
         cuts: those found are added, by the frame that they begin with.
-        show: called after each frame with the surfaces' states and the frame.
+        show: called after each frame with the surfaces' states, the frame, its index, and the surfaces' corners.
 
     Returns:
         Index of the frame after the latest that was seen.
@@ -82,7 +87,11 @@ def sweep(frames: Iterable[Frame], followers: Sequence[Follower], cuts: set[int]
             for follower in active:
                 follower.see(frame.index, seen, cut, frame.damaged)
         last, end = frame.index, max(end, frame.index)
-        show(tuple(follower.state if follower in active else None for follower in followers), frame.image)
+        now = [follower if follower in active else None for follower in followers]
+        states = tuple(None if follower is None else follower.state for follower in now)
+        show(
+            states, frame.image, frame.index, tuple(None if follower is None else follower.corners for follower in now)
+        )
     return end + 1
 
 
