@@ -6,6 +6,7 @@ from .frame_range import FrameRange
 from .importing.loading import load_track
 from .joining import join
 from .live import LiveSession
+from .media.limits import limited
 from .media.sequences import ImageSequence
 from .options import OutputOptions, TrackingOptions
 from .pipeline import replace, track
@@ -45,6 +46,7 @@ __all__ = [
     "export_track",
     "join",
     "judge",
+    "limited",
     "load_track",
     "parse_quad",
     "replace",

@@ -25,21 +25,29 @@ def batch_command(given: Namespace) -> int:
 
 
 def _batch(given: Namespace) -> int:
+    from .bounds import SCHEMES, Bounds
     from .jobs import expand
     from .local import LocalPool, usual_workers
     from .manifest import load
     from .running import Batch, Settings
     from .state import State
-    from .summary import as_json, in_words, table, write
+    from .summary import as_json, table, write
 
     set_up_logging("quiet" in given)
     manifest, document = load(given.manifest)
     jobs = expand(manifest, document)
+    schemes = tuple(given.schemes.lower().split(",")) if "schemes" in given else SCHEMES
+    bounds = Bounds(getattr(given, "root", None), schemes)
+    for job in jobs:
+        try:
+            bounds.check(job)
+        except InputError as error:
+            raise document.wrong(job.keys, str(error)) from error
     if "dry_run" in given:
         for job in jobs:
             print(shlex.join(["ar-replace", *job.arguments]))
         return DONE
-    names = ("retries", "time_limit", "memory_limit")
+    names = ("retries", "time_limit", "memory_limit", "max_frames", "max_pixels")
     settings = Settings(**{name: getattr(given, name) for name in names if name in given})
     folder: Path = given.state if "state" in given else given.manifest.with_suffix(".batch")
     with State(folder) as state, LocalPool(getattr(given, "workers", usual_workers()), [state.lock]) as pool:
@@ -47,7 +55,7 @@ def _batch(given: Namespace) -> int:
         try:
             batch.run(jobs)
         finally:
-            write(batch.done, folder, f"{given.manifest.name}: {in_words(batch.done)}")
+            write(batch.done, folder, given.manifest.name)
     if "json" in given:
         print(json.dumps(as_json(batch.done)))
     else:

@@ -6,9 +6,9 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, BeforeValidator, Strict
+from pydantic import AfterValidator, BeforeValidator, Field, Strict
 
-from hdn.commandline import FILES
+from hdn.commandline import FILES, natural
 
 from ..cli.parsers import replace_parser
 from ..surface import parse_polygon
@@ -108,6 +108,8 @@ def _type(action: argparse.Action, flags: Mapping[Any, str]) -> Any:
         kind = Literal[tuple(action.choices)]
     elif action.type in (int, float):
         kind = action.type
+    elif action.type is natural:
+        kind = Annotated[int, Field(ge=1)]
     elif action.type is Path or action.dest in FILES:
         kind = str
     elif action.type is not None:

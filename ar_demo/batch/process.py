@@ -97,7 +97,7 @@ def run(
         result = _parsed(output.read())
     status = process.returncode
     said = {
-        "time": f"it took longer than {time_limit:g} seconds" if time_limit else "",
+        "time": f"it took longer than {time_limit:g} s" if time_limit else "",
         "memory": f"it took more than {in_words(memory_limit or 0)} of memory",
         "stopped": "it was stopped",
         "": "" if status == DONE else _error(log, begin, status),

@@ -15,6 +15,7 @@ from ..errors import InputError, RunError
 from ..media.claims import write_whole
 from .identity import OF_A_TRACK, identity, stamp, track_key
 from .jobs import Job
+from .options import command
 from .process import Outcome
 from .state import State
 from .task import Task, log_of, result_of
@@ -32,13 +33,14 @@ class Settings:
     Attributes:
         retries: how often a job is tried again that failed while working, where the manifest does not say.
         time_limit, memory_limit: seconds and bytes that a job may take at most, whatever the manifest says.
-        forced: options that jobs are done with, whatever the manifest says.
+        max_frames, max_pixels: that its videos and ads may have at most, whatever it says.
     """
 
     retries: int = 1
     time_limit: float | None = None
     memory_limit: int | None = None
-    forced: dict[str, Any] = field(default_factory=dict)
+    max_frames: int | None = None
+    max_pixels: int | None = None
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,7 @@ class _Begun:
     track: str | None
     attempt: int = 1
     seconds: float = 0.0
+    arguments: list[str] = field(default_factory=list)
 
 
 class Batch:
@@ -147,7 +150,10 @@ class Batch:
 
     def _submit(self, begun: _Begun) -> None:
         job, settings = begun.job, self._settings
-        values = dict(job.values) | settings.forced | {"overwrite": True}
+        values = dict(job.values) | {"overwrite": True}
+        for name in ("max_frames", "max_pixels"):
+            if (most := _least(values.get(name), getattr(settings, name))) is not None:
+                values[name] = most
         if begun.track is not None:
             file = self._track(begun.track)
             values.pop("save_track", None)
@@ -155,6 +161,7 @@ class Batch:
                 values = {name: value for name, value in values.items() if name not in OF_A_TRACK}
             values["track" if file.exists() else "save_track"] = str(file)
         limits = _least(job.time_limit, settings.time_limit), _least(job.memory_limit, settings.memory_limit)
+        begun.arguments = command(values)
         self._running[self._pool.submit(Task(values, job.name, begun.attempt, *limits))] = begun
 
     def _take(self, begun: _Begun, outcome: Outcome) -> None:
@@ -189,7 +196,7 @@ class Batch:
             write_whole(job.values["save_track"], self._track(begun.track).read_bytes())
         report = {
             "identity": begun.identity,
-            "arguments": job.arguments,
+            "command": ["ar-replace", *begun.arguments],
             "attempts": begun.attempt,
             "seconds": round(begun.seconds, 3),
             "peak_bytes": outcome.peak_bytes,

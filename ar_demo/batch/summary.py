@@ -131,8 +131,8 @@ def page(done: Sequence[Done], folder: Path, title: str) -> str:
     rows = []
     for one in worst_first(done):
         verdict = verdict_of(one)
-        report = one.job.outputs.get("report")
-        links = [_link(folder, log_of(one.job.name), "log"), *([_link(folder, report, "report")] if report else [])]
+        named = (("log", log_of(one.job.name)), ("report", one.job.outputs.get("report", "")))
+        links = [_link(folder, file, text) for text, file in named if is_url(file) or os.path.exists(file)]
         said = "; ".join([*filter(None, [one.message]), *_warnings(one)])
         rows.append(
             f'<tr><td class="name">{_link(folder, one.job.name, one.job.name) if one.is_good else _html(one.job.name)}'

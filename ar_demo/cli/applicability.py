@@ -60,6 +60,7 @@ RULES = (
     ),
     Rule(("report",), "--frames", _has("frames"), "it is on the whole of a track: see ar-report"),
     Rule(("save_track",), "--live", _has("live"), "live tracks are not kept"),
+    Rule(("max_frames",), "--live", _has("live"), "it goes on until Ctrl-C, or --end"),
     Rule(("fps",), "--live", _has("live"), "frames have the times at which they come"),
     Rule(
         ("layer", "save_matte", "alpha", "layer_codec", "start_number"),

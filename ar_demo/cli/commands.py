@@ -15,6 +15,7 @@ from ..importing.loading import load_track
 from ..live import LiveSession
 from ..media.claims import check_different
 from ..media.download import is_url
+from ..media.limits import limited
 from ..media.reader import VideoReader
 from ..media.sequences import ImageSequence, parse_rate
 from ..options import OutputOptions, TrackingOptions
@@ -41,7 +42,7 @@ def replace_command(given: Namespace) -> int:
     """ar-replace, by what is given on its command line."""
     defaults = load_defaults().without(inapplicable(given))
     defaults.fill(given)
-    with display_of(given, renders=True) as display:
+    with limited(*_limits(given)), display_of(given, renders=True) as display:
         return _replace(given, defaults, display)
 
 
@@ -92,7 +93,7 @@ def track_command(given: Namespace) -> int:
     """ar-track, by what is given on its command line."""
     defaults = load_defaults()
     defaults.fill(given)
-    with display_of(given, renders=False) as display:
+    with limited(*_limits(given)), display_of(given, renders=False) as display:
         return _track(given, defaults, display)
 
 
@@ -250,6 +251,11 @@ def _check_tracked(given: Namespace, surfaces: list[Surface], frames: FrameRange
         for name in ("smooth", "device", "weights"):
             if name in given:
                 raise InputError(f"{flag(name)} does nothing, for the track is complete: leave it out")
+
+
+def _limits(given: Namespace) -> tuple[int | None, int | None]:
+    """Frames and pixels that inputs may have."""
+    return getattr(given, "max_frames", None), getattr(given, "max_pixels", None)
 
 
 def _either(name: str, given: Namespace, in_job: Any) -> Any:

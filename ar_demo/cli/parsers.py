@@ -245,6 +245,14 @@ def batch_parser() -> Parser:
     add("--retries", type=_count, metavar="N", help="further tries of a job that failed while working (default: 1)")
     add("--time-limit", type=_seconds, metavar="TIME", help="that a job may take at most, as 90s, 10m or 1.5h")
     add("--memory-limit", type=_bytes, metavar="SIZE", help="that a job may take at most, as 4GB")
+    add("--root", type=Path, metavar="FOLDER", help="refuse names of files that lead out of this folder")
+    add(
+        "--schemes",
+        metavar="NAMES",
+        help="addresses that jobs may read and write begin with one of these (default: https,s3,gs)",
+    )
+    add("--max-frames", type=natural, metavar="N", help="refuse videos and ads that have more frames, in every job")
+    add("--max-pixels", type=natural, metavar="N", help="refuse those whose pictures have more pixels, in every job")
     add("--state", type=Path, metavar="FOLDER", help="what is done so far, and the summary (default: MANIFEST.batch)")
     add("--quiet", action="store_true", help="no log")
     add("--json", action="store_true", help="print a machine-readable summary")
@@ -324,6 +332,8 @@ def _add_tracking(parser: Parser, use_of_track: str, find: str) -> None:
     add("--time", metavar="A..B", help="track, and draw on, this part only, as 10s..20s or 250..; the rest is copied")
     add("--smooth", type=float, metavar="X", help="0 off, 1 by the track's noise (default), more is stronger")
     _add_fps(add)
+    add("--max-frames", type=natural, metavar="N", help="refuse videos and ads that have more frames")
+    add("--max-pixels", type=natural, metavar="N", help="refuse videos and ads whose pictures have more pixels")
     _add_networks(add)
 
 

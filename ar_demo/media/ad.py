@@ -20,6 +20,7 @@ from ..choices import CHOICES, Playback
 from ..errors import InputError
 from . import color
 from .decode import Clock, decode, frame_rate, has_alpha, open_video, picture_duration
+from .limits import BeyondLimits, check_count, check_size
 
 log = logging.getLogger(__name__)
 
@@ -148,10 +149,14 @@ def open_ad(path: Path | str, playback: Playback = "loop") -> Ad:
 
 def _open_image_ad(path: Path, playback: Playback, image: Image.Image) -> Ad:
     try:
+        check_size(path, image.width, image.height)
+        check_count(path, getattr(image, "n_frames", 1))
         if getattr(image, "n_frames", 1) == 1 or image.format in ("MPO", "TIFF"):  # whose frames are pages, not time
             picture = _pixels(image)
             return Ad(path, playback, None, lambda: iter([(Fraction(0), lambda: picture)]))
         duration = sum((_step(image, index) for index in range(image.n_frames)), Fraction(0))  # type: ignore[attr-defined]
+    except BeyondLimits:
+        raise
     except (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError) as error:
         raise InputError(f"{path} is a damaged image: save it anew as PNG, JPEG, GIF or WebP") from error
     return Ad(path, playback, duration, partial(_animation, path))
@@ -198,6 +203,8 @@ def _open_video_ad(path: Path, playback: Playback) -> Ad:
         with container:
             alpha = has_alpha(stream)
         duration = picture_duration(path)
+    except BeyondLimits:
+        raise
     except InputError as error:
         raise InputError(
             f"{path} is no ad that can be shown: give an image (PNG, JPEG, WebP, BMP, TIFF), an animated GIF, WebP or "

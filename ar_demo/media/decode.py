@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Generator
+from contextlib import suppress
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 from typing import cast
 
@@ -14,10 +16,13 @@ from av.container import InputContainer
 from av.video.stream import VideoStream
 
 from ..errors import InputError
+from .limits import check_count, check_size, for_decoding, for_probing
 from .sequences import ImageSequence
 
 # FFmpeg opens pictures and even plain text as "video"; none of these is a clip.
 _NOT_CLIP_FORMATS = {"tty", "image2", "lrc", "srt", "ass", "webvtt"}
+# These name other files, or addresses: a video that comes from somebody else shall not choose what is read.
+_PLAYLISTS = {"concat", "dash", "hls", "imf", "lavfi", "rtp", "rtsp", "sap", "sdp", "webm_dash_manifest"}
 # FFmpeg's own VP8/VP9 decoders drop the alpha plane; libvpx keeps it.
 _ALPHA_DECODERS = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 
@@ -36,6 +41,8 @@ def open_video(source: Path | ImageSequence) -> tuple[InputContainer, VideoStrea
         stream = streams[0]
         if stream.codec_context is None:
             raise InputError(f"{source} uses a video codec that this FFmpeg cannot decode: convert it to H.264 first")
+        check_size(source, stream.codec_context.width, stream.codec_context.height)
+        stream.codec_context.options = for_decoding()
     except BaseException:
         container.close()
         raise
@@ -58,15 +65,29 @@ def _open_clip(path: Path) -> InputContainer:
     if path.stat().st_size == 0:
         raise InputError(f"{path} is empty: give a video file")
     try:
-        container = av.open(str(path))
+        container = av.open(str(path), options={"format_whitelist": _clip_formats()}, **for_probing())
     except PermissionError as error:
         raise InputError(f"{path} cannot be read: check its permissions") from error
     except (av.FFmpegError, OSError, ValueError) as error:
+        if _begins_as_playlist(path):
+            raise InputError(f"{path} is a playlist, which names other files: give the video itself") from error
         raise InputError(f"{path} is not a video that FFmpeg can read, or is damaged at its start") from error
     if container.format.name in _NOT_CLIP_FORMATS or container.format.name.endswith("_pipe"):
         container.close()
         raise InputError(f"{path} is not a video: give an MP4, MOV, MKV, WebM, AVI or another video file")
     return container
+
+
+@cache
+def _clip_formats() -> str:
+    """Names of FFmpeg's demuxers that read what they are given, and nothing else."""
+    return ",".join(sorted(av.formats_available - _PLAYLISTS))
+
+
+def _begins_as_playlist(path: Path) -> bool:
+    with suppress(OSError), path.open("rb") as file:
+        return file.read(20).startswith((b"#EXTM3U", b"ffconcat version"))
+    return False
 
 
 def has_alpha(stream: VideoStream) -> bool:
@@ -95,6 +116,7 @@ def decode(
         context = cast(av.VideoCodecContext, av.CodecContext.create(_ALPHA_DECODERS[context.codec.name], "r"))
     packets = container.demux(stream)
     recent: deque[int] = deque(maxlen=(context.thread_count or os.cpu_count() or 1) + 2)  # timestamps
+    count = 0
     while True:
         try:
             packet = next(packets, None)
@@ -114,6 +136,9 @@ def decode(
             on_damage(min(recent, default=None))
             frames = []
         for frame in frames:
+            count += 1
+            check_count(container.name, count)
+            check_size(container.name, frame.width, frame.height)
             if frame.time_base is None:
                 frame.time_base = stream.time_base
             yield frame
@@ -165,7 +190,8 @@ def picture_duration(path: Path) -> Fraction:
         base = stream.time_base or step
         begin: Fraction | None = None
         end = Fraction(0)
-        for packet in container.demux(stream):
+        for count, packet in enumerate(container.demux(stream)):
+            check_count(path, count + bool(packet.size))
             if packet.pts is not None:
                 time = packet.pts * base
                 begin = time if begin is None else min(begin, time)

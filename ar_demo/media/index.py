@@ -11,6 +11,7 @@ from pathlib import Path
 import av
 
 from .decode import frame_rate, open_video
+from .limits import check_count
 from .sequences import ImageSequence
 
 log = logging.getLogger(__name__)
@@ -91,6 +92,7 @@ def demux(source: Path | ImageSequence) -> Index | None:
             for count, packet in enumerate(container.demux(stream)):
                 if packet.size == 0:  # the last one, which only says that there are no more
                     continue
+                check_count(source, count + 1)
                 if packet.pts is None:
                     reason = "packets have no timestamps"
                 elif packet.is_corrupt:

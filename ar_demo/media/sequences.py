@@ -13,6 +13,7 @@ import av
 from av.container import InputContainer
 
 from ..errors import InputError
+from .limits import for_probing
 from .numbering import Numbering
 
 log = logging.getLogger(__name__)
@@ -79,7 +80,7 @@ class ImageSequence:
         else:
             name = f"{glob.escape(str(first.parent))}/*{first.suffix}"
             options = {"pattern_type": "glob"}
-        return av.open(name, format="image2", options=options | {"framerate": str(self.rate)})
+        return av.open(name, format="image2", options=options | {"framerate": str(self.rate)}, **for_probing())
 
 
 def pictures_of(path: Path) -> list[Path]:

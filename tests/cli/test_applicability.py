@@ -9,6 +9,7 @@ import pytest
 
 from ar_demo.cli import commands, entry
 from ar_demo.cli.parsers import replace_parser, track_parser
+from ar_demo.media.limits import current
 from ar_demo.results import Result
 from ar_demo.surface import Surface
 from ar_demo.tracks import Source, Track
@@ -74,6 +75,8 @@ OPTIONS: dict[str, list[str]] = {
     "layer_codec": ["--layer-codec", "animation"],
     "start_number": ["--start-number", "1001"],
     "frames": ["--frames", "1-2"],
+    "max_frames": ["--max-frames", "1000"],
+    "max_pixels": ["--max-pixels", "1000000"],
     "overwrite": ["--overwrite"],
     "report": ["--report", "r.html"],
     "max_held": ["--max-held", "10%"],
@@ -102,6 +105,8 @@ OF_BOTH = (
     "smooth",
     "device",
     "weights",
+    "max_frames",
+    "max_pixels",
 )
 OPTIONS_OF_TRACK = {name: OPTIONS[name] for name in OF_BOTH} | {
     "save_map": ["--save-map", "map.png"],
@@ -126,7 +131,7 @@ def done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     def replace(
         input: Any, given: Any, output: Any, tracking: Any, options: Any, bar: Any, save_track: Any, **others: Any
     ) -> Result:
-        asked.append(("replace", input, surfaces(given), output, tracking, options, (save_track, others)))
+        asked.append(("replace", input, surfaces(given), output, tracking, options, (save_track, others), current()))
         return Result(Path("o.mp4"), 1, {}, 1.0, "", surfaces=[{}])
 
     class Live:
@@ -136,11 +141,11 @@ def done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         def stop(self) -> None: ...
 
         def run(self, output: Any, tracking: Any, options: Any) -> Result:
-            asked.append((*self.asked, "-" if isinstance(output, io.BytesIO) else output, tracking, options))
+            asked.append((*self.asked, "-" if isinstance(output, io.BytesIO) else output, tracking, options, current()))
             return Result(Path("o.mp4"), 1, {}, 1.0, "", surfaces=[{}])
 
     def track(input: Any, surface: Any, tracking: Any, bar: Any, **others: Any) -> Any:
-        asked.append(("track", input, surfaces(surface), tracking, others))
+        asked.append(("track", input, surfaces(surface), tracking, others, current()))
         return Track.load("t.json")
 
     for name, stand_in in (("replace", replace), ("LiveSession", Live), ("track", track)):
@@ -308,7 +313,7 @@ def test_the_command_line_counts_before_the_job(run: Run, done: list[Any]) -> No
     )
     assert run("--job", "job.json")[0] == 0
     assert run("in.mp4", "--job", "job.json", "-o", "c.mp4", "--crf", "25", "--smooth", "0")[0] == 0
-    (_, input, _, output, tracking, options, _), (_, other_input, _, other_output, other_tracking, others, _) = done
+    (_, input, _, output, tracking, options, *_), (_, other_input, _, other_output, other_tracking, others, *_) = done
     assert (str(input), str(output), tracking.smooth, options.crf, options.audio) == ("a.mp4", "b.mp4", 3, 20, "none")
     assert (str(other_input), str(other_output), other_tracking.smooth) == ("in.mp4", "c.mp4", 0)
     assert (others.crf, others.audio) == (25, "none")
