@@ -111,7 +111,7 @@ def test_renders_downloads_and_renders_the_same_from_the_job_file(tracked: Studi
 
 def test_names_that_cannot_be_rendered_to(tracked: Studio) -> None:
     def there() -> dict[str, float]:
-        return {p.name: p.stat().st_mtime for p in tracked.folder.parent.rglob("*") if not p.name.endswith(".json")}
+        return {p.name: p.stat().st_mtime for p in tracked.folder.parent.rglob("*.*") if p.suffix != ".json"}
 
     before = there()
     for name in ("../out.mp4", "/tmp/out.mp4", "", ".mp4", "out.xyz", "a/b.mp4", "..", "shots/../out.mp4"):
