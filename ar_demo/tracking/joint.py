@@ -15,10 +15,10 @@ The unknowns are the corners x_k (8,) of each frame k: x0, y0, x1, y1, ..., px. 
 Absolute terms and steps may be wrong: each has the robust cost of Geman and McClure, and graduated non-convexity (Black
 and Rangarajan, 1996; Yang et al., 2020) finds which are, by reweighted least squares. Several ways through a frame
 share its picture and so their errors: together they weigh as much as one, in the proportions in which they agree with
-all else.
+all else. So do their steps.
 """
 
-from collections.abc import Set
+from collections.abc import Iterator, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from hdn.imaging.arrays import Array
 
 from .blocks import solve_wide
-from .motion import MODES, Motion, estimate_motion, in_corners
+from .motion import MODES, Motion, estimate_motion, in_corners, mode_variance
 
 CORNERS = 8  # numbers per frame
 
@@ -56,12 +56,13 @@ class JointModel:
     step_limit: float = 1000.0
     step_test_frames: int = 16  # over which steps are put together, to see what they are worth
     cooling: float = 2.0  # factor from one round to the next by which the limits, wide at first, become narrower
+    carried_weight: float = 1e-3  # of the other measurements where the steps lead
     last_rounds: int = 4  # with the limits as they are
     longest_memory: float = 0.97  # correlation of a tracker's errors in neighbouring frames, at most
     # The same where steps were measured, since little of the surface is seen: what errs there changes quickly.
-    hard_memory: float = 0.8
+    hard_memory: float = 0.6
     # Factor on the steps' covariance: neighbouring steps err alike, so that their errors add up faster than their sum.
-    step_variance_ratio: float = 2.0
+    step_variance_ratio: float = 4.0
     unknown_px: float = 1e3  # standard deviation of corners that nothing else holds
     wrong_weight: float = 0.25  # of a robust term, 0..1, below which it counts as wrong
 
@@ -76,8 +77,8 @@ class Measurements:
     Attributes:
         corners: (p, n, 8) px. covariance: (p, n, 8, 8) px^2.
         linked: (p, n - 1) whether a way has frames k and k + 1 from one run of a tracker.
-        steps: (n - 1, 3, 3) pixels of frame k to those of frame k + 1. step_covariance: (n - 1, 8, 8) px^2, of the
-            corners moved by them.
+        steps: (p, n - 1, 3, 3) pixels of frame k to those of frame k + 1. step_covariance: (p, n - 1, 8, 8) px^2, of
+            the corners moved by them.
         reference: corners (8,) that are known, by frame. clicked: corners (8,) set by hand, by frame.
     """
 
@@ -141,12 +142,12 @@ class Shot:
         strength: of the motion's term, a factor on how sure it is; 0 leaves it to frames without a good measurement.
             What is told of the corners' certainty does not depend on it.
         """
-        x, usual = self._settled(), np.ones(self.n - 2)
+        x = self._settled()
         firm = {k for k, c in self.measured.clicked.items() if np.square(x[k] - c).sum() / 4 > self.model.slip_px**2}
         if firm:
             x = self._settled(firm)
         weights = self._weights(self._distances(x), 1.0)
-        system = self._assemble(x, weights, usual, firm)
+        system = self._assemble(x, weights, self._usual, firm)
         change, covariance = system.solve()
         for k in firm:  # which err like all that is clicked, and with them what hangs on them
             share = system.response(k, 1 / self.model.reference_px**2)
@@ -160,16 +161,64 @@ class Shot:
         return replace(found, corners=x + self._assemble(x, weights, smoothing, firm).solve()[0])
 
     def _settled(self, firm: Set[int] = frozenset()) -> Array:
-        """The corners (n, 8) by all that proves right; firm: frames whose clicked corners are taken for exact."""
-        x, usual = self._start(), np.ones(self.n - 2)
-        x = x + self._assemble(x, self._weights(self._distances(x), np.inf), usual, firm).solve()[0]
+        """The corners (n, 8) by all that proves right; firm: frames whose clicked corners are taken for exact.
+
+        Where something contradicts it, most of the measurements may err alike, as those that follow what has moved in
+        front. So each way is started from as well, and the steps are, and what all contradicts least is right.
+        """
+        start = self._start()
+        x = start + self._assemble(start, self._weights(self._distances(start), np.inf), self._usual, firm).solve()[0]
         squares = self._distances(x)
         hottest = max(float(squares[i].max(initial=0)) / limit for i, limit in zip((0, 2), self._limits, strict=True))
-        rounds = int(np.ceil(np.log(max(hottest, 1)) / np.log(self.model.cooling)))
+        x = self._cooled(x, firm, int(np.ceil(np.log(max(hottest, 1)) / np.log(self.model.cooling))))
+        disbelieved = self.seen & (self._told(x) < self.model.wrong_weight)
+        torn = self._robust(self._distances(x)[2], self.model.step_limit) < self.model.wrong_weight
+        if not disbelieved.any() and not torn.any():
+            return x
+        along = [np.where(seen[:, None], z, x) for z, seen in zip(self.z, self.seen, strict=True)]
+        settled = [x, *(self._cooled(start, firm) for start in (self._carried(x, firm), *along))]
+        return min(settled, key=lambda x: self._contradiction(x, firm))
+
+    def _carried(self, x: Array, firm: Set[int]) -> Array:
+        """Corners (n, 8) by the steps, as far as there are any, on which the measurements only lie loosely."""
+        absolute, relative, steps = self._weights(self._distances(x), np.inf)
+        loosely = absolute * self.model.carried_weight, relative * self.model.carried_weight, steps
+        return np.asarray(x + self._assemble(x, loosely, self._usual, firm).solve()[0])
+
+    def _cooled(self, x: Array, firm: Set[int], rounds: int = 0) -> Array:
+        """Corners x (n, 8) after as many rounds with ever narrower limits, and some with the limits as they are."""
+        squares = self._distances(x)
         for heat in [*self.model.cooling ** np.arange(rounds, 0, -1), *[1.0] * self.model.last_rounds]:
-            x = x + self._assemble(x, self._weights(squares, heat), usual, firm).solve()[0]
+            x = x + self._assemble(x, self._weights(squares, heat), self._usual, firm).solve()[0]
             squares = self._distances(x)
         return x
+
+    def _given(self, firm: Set[int]) -> Iterator[tuple[int, Array, float]]:
+        """Corners (8,) that are known or clicked, by frame, and the information on each coordinate, 1 / px^2."""
+        for k, corners in self.measured.reference.items():
+            yield k, corners, 1 / self.model.reference_px**2
+        for k, corners in self.measured.clicked.items():
+            yield k, corners, 1 / self.model.reference_px**2 if k in firm else 2 / self.model.clicked_px**2
+
+    def _contradiction(self, x: Array, firm: Set[int]) -> float:
+        """Of corners x (n, 8) with all that is given, measured on the way that fits best in each frame, and the motion.
+
+        The sum of squared Mahalanobis distances, those of robust terms no larger than their limits.
+        """
+        absolute, relative, steps = (
+            np.where(information[..., 0, 0] > 0, square, np.inf)
+            for square, information in zip(
+                self._distances(x), (self.agreement, self.change_information, self.step_information), strict=True
+            )
+        )
+        told = [
+            _saturated(absolute, self.model.absolute_limit).min(0),
+            relative.min(0),
+            _saturated(steps, self.model.step_limit).min(0),
+            _square(np.diff(x, 2, axis=0), self.motion_information),
+            np.array([np.square(corners - x[k]).sum() * information for k, corners, information in self._given(firm)]),
+        ]
+        return sum(float(np.where(np.isfinite(square), square, 0.0).sum()) for square in told)
 
     def _told(self, x: Array) -> Array:
         """(p, n) how well each measurement agrees with corners (n, 8)."""
@@ -179,6 +228,11 @@ class Shot:
     @property
     def n(self) -> int:
         return self.measured.corners.shape[1]
+
+    @property
+    def _usual(self) -> Array:
+        """The motion's weight (n - 2,) where nothing else is asked for."""
+        return np.ones(self.n - 2)
 
     @property
     def _limits(self) -> tuple[float, float]:
@@ -191,13 +245,13 @@ class Shot:
         variance = self.measured.covariance * max(self.motion.noise, 1.0) + model.least_px**2 * np.eye(CORNERS)
         self.information = _inverse(variance, self.seen)
         self.agreement = _inverse(variance + model.agreement_px**2 * np.eye(CORNERS), self.seen)
-        stepped = np.asarray(np.isfinite(self.measured.step_covariance).all((1, 2)))
+        stepped = np.asarray(np.isfinite(self.measured.step_covariance).all((2, 3)))
         # An autoregression's terms in e_k: all there is for a lone frame, less for one with a neighbour or with two.
         linked = self.measured.linked & self.seen[:, :-1] & self.seen[:, 1:]
         p = np.where(stepped, min(self.memory, model.hard_memory), self.memory)
         explained = linked * (p / (1 + p))
         self.share = 1 - np.pad(explained, ((0, 0), (0, 1))) - np.pad(explained, ((0, 0), (1, 0)))
-        self.steps = np.where(stepped[:, None, None], self.measured.steps, np.eye(3))
+        self.steps = np.where(stepped[..., None, None], self.measured.steps, np.eye(3))
         step_variance = _or_zero(self.measured.step_covariance) + model.least_px**2 * np.eye(CORNERS)
         step_variance *= model.step_variance_ratio * self._step_scale(stepped, step_variance, variance)
         self.step_information = _inverse(step_variance, stepped)
@@ -205,7 +259,7 @@ class Shot:
         # leap, by as much as they do.
         deviation = np.sqrt(np.trace(np.where(self.seen[..., None, None], variance, 0), axis1=2, axis2=3) / CORNERS)
         growth = np.square(np.diff(deviation, axis=1))[..., None, None] * np.eye(CORNERS)
-        spread = (variance[:, :-1] + variance[:, 1:]) / 2 * ((1 - p**2) / p)[:, None, None] + growth
+        spread = (variance[:, :-1] + variance[:, 1:]) / 2 * ((1 - p**2) / p)[..., None, None] + growth
         self.change = np.where(linked[..., None], np.diff(z, axis=1), 0.0)
         self.change_information = _inverse(spread + self._leaps(linked, stepped, spread, step_variance), linked)
         self.z = np.where(self.seen[..., None], z, 0.0)
@@ -222,15 +276,17 @@ class Shot:
         spread = np.where(
             self.seen, np.trace(np.where(self.seen[..., None, None], variance, 0), axis1=2, axis2=3), np.inf
         )
-        best = spread.argmin(0)
-        corners, error = z[best, np.arange(n)], spread.min(0)
+        frames = np.arange(n)
+        corners, error = z[spread.argmin(0), frames], spread.min(0)
+        each = np.where(stepped, np.trace(step_variance, axis1=2, axis2=3), np.inf)
+        steps, each = self.steps[each.argmin(0), frames[:-1]], each.min(0)  # the surest to each frame
         carried, grown, scales = np.nan_to_num(corners[:-1]), np.zeros(n - 1), [1.0]
-        each = np.trace(step_variance, axis1=1, axis2=2)
         usable = np.isfinite(error[:-1])
         for length in range(1, min(self.model.step_test_frames, n - 1) + 1):
             count = n - length
-            carried = move(self.steps[length - 1 :], carried[:count])[0]
-            grown, usable = grown[:count] + each[length - 1 :], usable[:count] & stepped[length - 1 :]
+            carried = move(steps[length - 1 :], carried[:count])[0]
+            grown = grown[:count] + each[length - 1 :]
+            usable = usable[:count] & np.isfinite(each[length - 1 :])
             chosen = usable & np.isfinite(error[length:])
             if chosen.sum() >= self.model.step_test_frames:
                 known = (error[:count] + error[length:])[chosen] * (1 - self.memory**length)
@@ -253,8 +309,8 @@ class Shot:
         before, after = np.pad(bend, ((0, 0), (1, 0), (0, 0))), np.pad(bend, ((0, 0), (0, 1), (0, 0)))
         is_before = np.square(before).sum(-1) < np.square(after).sum(-1)
         unlike_motion = np.where(is_before[..., None], before, after)
-        excess = np.where(stepped[:, None], unlike_step, unlike_motion)
-        expected = np.where(stepped[:, None, None], step_variance, in_corners(self.motion.variance))
+        excess = np.where(stepped[..., None], unlike_step, unlike_motion)
+        expected = np.where(stepped[..., None, None], step_variance, in_corners(self.motion.variance))
         square = _square(excess, _inverse(spread + expected, linked))
         return (square > self.model.leap_limit)[..., None, None] * (
             np.square(excess).mean(-1)[..., None, None] * np.eye(CORNERS)
@@ -264,9 +320,9 @@ class Shot:
         """(n - 2, 8, 8) of the second difference; a mode that bends more in all measurements is expected to."""
         usual, known = self.motion.variance, linked[:, :-1] & linked[:, 1:]
         bend = np.where(known[..., None], np.diff(self.change, axis=1), 0.0)
-        square = np.square(np.einsum("mc,pncx->pnmx", MODES, bend.reshape(*bend.shape[:2], 4, 2))).sum(-1) / 2
-        jitter = np.trace(variance[:, :-2] + 4 * variance[:, 1:-1] + variance[:, 2:], axis1=2, axis2=3) / CORNERS
-        jitter = np.where(known, jitter * min(self.motion.noise, 1.0), np.inf)[..., None]
+        square = np.square(np.einsum("mc,pncx->pnmx", MODES, bend.reshape(*bend.shape[:2], 4, 2))).mean(-1)
+        jitter = mode_variance(variance[:, :-2] + 4 * variance[:, 1:-1] + variance[:, 2:]).mean(-1)
+        jitter = np.where(known[..., None], jitter * min(self.motion.noise, 1.0), np.inf)
         is_less = square <= self.model.bend_limit * (usual + jitter)
         least = np.where(known[..., None], square, np.inf).min(0)
         return in_corners(1 / (usual + np.where(_any(known)[:, None] & ~_any(is_less & known[..., None]), least, 0.0)))
@@ -301,8 +357,9 @@ class Shot:
             self._robust(square, limit, heat)
             for square, limit in zip((squares[0], squares[2]), self._limits, strict=True)
         )
-        share = _proportions(squares[0], self.agreement, heat)
-        return absolute * share, _proportions(squares[1], self.change_information, heat), steps
+        absolute *= _proportions(squares[0], self.agreement, heat)
+        steps *= _proportions(squares[2], self.step_information, heat)
+        return absolute, _proportions(squares[1], self.change_information, heat), steps
 
     def _assemble(
         self, x: Array, weights: tuple[Array, Array, Array], smoothing: Array, firm: Set[int] = frozenset()
@@ -314,12 +371,9 @@ class Shot:
         held = (absolute * self.share)[..., None, None] * self.information
         system.own += held.sum(0) + np.eye(CORNERS) / self.model.unknown_px**2
         system.right += _times(held, self.z - x).sum(0)
-        exact, clicked = self.model.reference_px**2, self.model.clicked_px**2 / 2
-        for given, variance in ((self.measured.reference, exact), (self.measured.clicked, clicked)):
-            for k, corners in given.items():
-                information = 1 / (exact if k in firm else variance)
-                system.own[k] += np.eye(CORNERS) * information
-                system.right[k] += (corners - x[k]) * information
+        for k, corners, information in self._given(firm):
+            system.own[k] += np.eye(CORNERS) * information
+            system.right[k] += (corners - x[k]) * information
 
         held = relative[..., None, None] * self.change_information
         told = _times(held, self.change - np.diff(x, axis=0)).sum(0)
@@ -331,14 +385,14 @@ class Shot:
         system.right[1:] += told
 
         moved, slope = move(self.steps, x[:-1])
-        held = steps[:, None, None] * self.step_information
+        held = steps[..., None, None] * self.step_information
         told = _times(held, moved - x[1:])
-        back = np.swapaxes(slope, 1, 2)
-        system.own[:-1] += back @ held @ slope
-        system.own[1:] += held
-        system.after[: n - 1] -= back @ held
-        system.right[:-1] -= _times(back, told)
-        system.right[1:] += told
+        back = np.swapaxes(slope, -1, -2)
+        system.own[:-1] += (back @ held @ slope).sum(0)
+        system.own[1:] += held.sum(0)
+        system.after[: n - 1] -= (back @ held).sum(0)
+        system.right[:-1] -= _times(back, told).sum(0)
+        system.right[1:] += told.sum(0)
 
         held = smoothing[:, None, None] * self.motion_information
         told = _times(held, -np.diff(x, 2, axis=0))
@@ -352,16 +406,23 @@ class Shot:
 
 
 def move(homographies: Array, corners: Array) -> tuple[Array, Array]:
-    """Corners (..., n, 8) moved by homographies (n, 3, 3), and the derivative (..., n, 8, 8)."""
+    """Corners (..., 8) moved by homographies (..., 3, 3), and the derivative (..., 8, 8)."""
+    homographies = homographies[..., None, :, :]  # the same for each corner
     xy = corners.reshape(*corners.shape[:-1], 4, 2)
-    h = np.einsum("nij,...ncj->...nci", homographies[:, :, :2], xy) + homographies[:, None, :, 2]
+    h = (homographies[..., :2] @ xy[..., None])[..., 0] + homographies[..., 2]
     w = h[..., 2:]
     to = h[..., :2] / w
-    slope = (homographies[:, None, :2, :2] - to[..., None] * homographies[:, None, 2:, :2]) / w[..., None]
-    full = np.zeros((*corners.shape[:-1], 4, 2, 4, 2))
+    slope = (homographies[..., :2, :2] - to[..., None] * homographies[..., 2:, :2]) / w[..., None]
+    full = np.zeros((*to.shape[:-2], 4, 2, 4, 2))
     for c in range(4):
         full[..., c, :, c, :] = slope[..., c, :, :]
-    return to.reshape(corners.shape), full.reshape(*corners.shape, CORNERS)
+    moved = to.reshape(*to.shape[:-2], CORNERS)
+    return moved, full.reshape(*moved.shape, CORNERS)
+
+
+def _saturated(square: Array, limit: float) -> Array:
+    """Geman and McClure's cost of squared distances, at most the limit."""
+    return np.asarray(limit * np.divide(square, limit + square, out=np.ones_like(square), where=np.isfinite(square)))
 
 
 def _any(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:

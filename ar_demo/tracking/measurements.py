@@ -40,8 +40,8 @@ class Record:
         corners: (p, n, 8) px, NaN where nothing was measured. covariance: (p, n, 8, 8) px^2.
         linked: (p, n - 1) whether frames k and k + 1 are of one run, and neither is damaged: its error is its own.
         states: (p, n) index into `STATES`, -1 where the way does not come by. confidence: (p, n) 0..1.
-        steps: (n - 1, 3, 3) pixels of frame k to those of the next, NaN where not measured.
-        step_covariance: (n - 1, 8, 8) px^2 of the corners moved by them.
+        steps: (p, n - 1, 3, 3) pixels of frame k to those of the next, NaN where not measured.
+        step_covariance: (p, n - 1, 8, 8) px^2 of the corners moved by them.
     """
 
     corners: Array
@@ -61,8 +61,8 @@ class Record:
             np.zeros((ways, n - 1), bool),
             np.full((ways, n), -1),
             np.zeros((ways, n)),
-            np.full((n - 1, 3, 3), np.nan),
-            np.full((n - 1, CORNERS, CORNERS), np.nan),
+            np.full((ways, n - 1, 3, 3), np.nan),
+            np.full((ways, n - 1, CORNERS, CORNERS), np.nan),
         )
 
     @classmethod
@@ -84,8 +84,8 @@ class Record:
             self.corners[:, start:stop],
             self.covariance[:, start:stop],
             self.linked[:, between],
-            self.steps[between],
-            self.step_covariance[between],
+            self.steps[:, between],
+            self.step_covariance[:, between],
             *(
                 {i - start: c.reshape(CORNERS) for i, c in given.items() if start <= i < stop}
                 for given in (reference, clicked)
@@ -111,10 +111,10 @@ class Record:
                 self.linked[way, min(index, run.frames[k - 1])] = not doubted
                 if step is not None:
                     covariance = _doubted(step.covariance) if doubted else step.covariance
-                    self._put_step(index, step.homography, covariance, run.backward)
+                    self._put_step(way, index, step.homography, covariance, run.backward)
 
-    def _put_step(self, index: int, homography: Array, covariance: Array, backward: bool) -> None:
-        """A step to frame `index` from its neighbour; of several to the same frame the surest stays."""
+    def _put_step(self, way: int, index: int, homography: Array, covariance: Array, backward: bool) -> None:
+        """A step to frame `index` from its neighbour."""
         k = index if backward else index - 1
         if backward:
             homography = normalised(np.asarray(np.linalg.inv(homography), np.float64))
@@ -123,8 +123,7 @@ class Record:
                 return
             slope = move(homography[None], corners[:1])[1][0]
             covariance = slope @ covariance @ slope.T
-        if not np.trace(self.step_covariance[k]) <= np.trace(covariance):
-            self.steps[k], self.step_covariance[k] = homography, covariance
+        self.steps[way, k], self.step_covariance[way, k] = homography, covariance
 
     def _put_track(self, way: int, track: Track) -> None:
         known = track.known & np.isfinite(track.deviation)

@@ -21,11 +21,12 @@ from ..progress import Listener, Stage
 from ..stopping import StopSignal
 from ..surface import Keyframe, Surface
 from ..tracks import Source, Track
+from .contradiction import contradiction
 from .corrections import merged_keyframes, new_keyframes, tell
 from .moments import is_within, keyframes_of, starts, until
 from .pictures import plane_pictures, reference_frame
 from .protocol import MakeTracker, PlanarTracker
-from .runs import Run, backward_runs, fixes_of, forward_runs, gap_runs
+from .runs import Run, backward_runs, check_runs, fixes_of, forward_runs, gap_runs
 from .solution import blank, is_uncertain, may_gain, solve
 from .sweep import Follower, backward_stretches, sweep
 
@@ -106,6 +107,7 @@ class Passes:
             raise InputError(NO_QUAD)
         targets = self._targets(surfaces)
         self._both_ways(targets)
+        self._recheck(targets)
         self._again(targets)
         for target in targets:
             target.known.warnings = [*self.reader.warnings, *target.known.warnings]
@@ -189,6 +191,31 @@ class Passes:
             target.known.cuts = sorted(self.cuts)
             solve(target.known, target.runs, self.options.smooth)
 
+    def _recheck(self, targets: Sequence[Target]) -> None:
+        """Goes both ways from what was tracked well and contradicts the track, through the frames that it disproves.
+
+        Either may be wrong: a tracker follows what moves on in front of the surface at first, and loses it, and finds
+        the surface. What is right leads to the known poses.
+        """
+        back: list[list[Run]] = [[] for _ in targets]
+        forward: list[list[Run]] = [[] for _ in targets]
+        for target, before, after in zip(targets, back, forward, strict=True):
+            if (fix := contradiction(target.known, target.runs)) is not None:
+                runs = check_runs(*fix, target.given, self.first, len(target.known) - 1)
+                before += [run for run in runs if run.backward]
+                after += [run for run in runs if not run.backward]
+        doubted = [target for target, *runs in zip(targets, back, forward, strict=True) if any(runs)]
+        if not doubted:
+            return
+        log.info("tracking from both ends what was tracked in two ways that contradict each other")
+        self._sweep_back(targets, back, "check back")
+        if there := list(chain.from_iterable(forward)):
+            first, last = min(run.anchor for run in there), max(run.stop or 0 for run in there)
+            self._forward(targets, forward, first, last + 1, "check")
+        for target in doubted:
+            target.known.cuts = sorted(self.cuts)
+            solve(target.known, target.runs, self.options.smooth)
+
     def _again(self, targets: Sequence[Target]) -> None:
         """Tracks again what is uncertain and is seen more clearly later on than at first, with a picture of that.
 
@@ -258,13 +285,7 @@ class Passes:
             if gone and gone[-1].stop is None:
                 last = len(target.known) - 1
                 runs += gap_runs(fixes_of(target.runs, target.given), max(target.given), last, backward=True)
-            target.runs += runs
-        followers = [target.follower(runs) for target, runs in zip(targets, back, strict=True)]
-        stretches = backward_stretches(chain.from_iterable(back))
-        show = Stage(self.listen, prefix + "track back", 0, sum(high + 1 - low for low, high in stretches))
-        for low, high in stretches:
-            with ahead(self.reader.backward(high + 1, low)) as frames:
-                sweep(self.stop.watch(frames), followers, self.cuts, show)
+        self._sweep_back(targets, back, prefix + "track back")
         gaps = []
         for target, runs in zip(targets, back, strict=True):
             first = min(target.given)
@@ -274,3 +295,14 @@ class Passes:
         if stops := [run.stop or 0 for runs in gaps for run in runs]:
             first = min(run.anchor for runs in gaps for run in runs)
             self._forward(targets, gaps, first, max(stops) + 1, prefix + "fill gaps")
+
+    def _sweep_back(self, targets: Sequence[Target], runs: Sequence[Sequence[Run]], stage: str) -> None:
+        """Shows the frames of the surfaces' backward runs to them, the last one first."""
+        for target, r in zip(targets, runs, strict=True):
+            target.runs += r
+        followers = [target.follower(r) for target, r in zip(targets, runs, strict=True)]
+        stretches = backward_stretches(chain.from_iterable(runs))
+        show = Stage(self.listen, stage, 0, sum(high + 1 - low for low, high in stretches))
+        for low, high in stretches:
+            with ahead(self.reader.backward(high + 1, low)) as frames:
+                sweep(self.stop.watch(frames), followers, self.cuts, show)

@@ -72,6 +72,13 @@ def gap_runs(fixes: dict[int, Array], first: int, last: int, backward: bool) -> 
     return [Run(b, fixes[b], a, fills=True) if backward else Run(a, fixes[a], b, fills=True) for a, b in pairs]
 
 
+def check_runs(index: int, pose: Array, given: Iterable[int], first: int, last: int) -> list[Run]:
+    """Runs from a fix backward and forward to the given frames beside it, or to the first and the last frame."""
+    before = max((k for k in given if k < index), default=first)
+    after = min((k for k in given if k > index), default=last)
+    return [Run(index, pose, stop, fills=True) for stop in (before, after) if stop != index]
+
+
 def fixes_of(runs: Iterable[Run], given: dict[int, Array]) -> dict[int, Array]:
     """Corners (4, 2) by frame: those given, and where a tracker was sure the surest ones."""
     best: dict[int, Estimate] = {}

@@ -136,7 +136,7 @@ def _known(track: Track, record: Record, n: int) -> NDArray[np.bool_]:
 
 def _pieces(track: Track, record: Record, n: int) -> list[tuple[int, int]]:
     """Stretches (start, stop) that are solved for, each on its own: none goes over a cut, or over a long loss."""
-    stepped = np.asarray(np.isfinite(record.steps[: n - 1]).all((1, 2)))
+    stepped = np.asarray(np.isfinite(record.steps[:, : n - 1]).all((2, 3)).any(0))
     near = np.zeros(n, bool)
     known = _known(track, record, n)
     reached = known.copy()

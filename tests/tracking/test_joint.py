@@ -34,14 +34,15 @@ def measured(
     n = z.shape[1]
     covariance = np.broadcast_to(np.square(deviation) / 2, z.shape[:2])[..., None, None] * np.eye(CORNERS)
     linked = np.ones((len(ways), n - 1), bool)
-    nothing = np.full((n - 1, 3, 3), np.nan), np.full((n - 1, CORNERS, CORNERS), np.nan)
+    nothing = (np.full((len(ways), n - 1, side, side), np.nan) for side in (3, CORNERS))
     return Measurements(z, covariance, linked, *nothing, reference or {}, clicked or {})
 
 
 def with_steps(measurements: Measurements, steps: np.ndarray, px: float = 0.2) -> Measurements:
-    """With steps (n - 1, 3, 3) of so many px of standard deviation per coordinate."""
-    covariance = np.repeat(px**2 * np.eye(CORNERS)[None], len(steps), 0)
-    m = measurements
+    """With steps (n - 1, 3, 3) on each way, of so many px of standard deviation per coordinate."""
+    m, ways = measurements, len(measurements.corners)
+    covariance = np.tile(px**2 * np.eye(CORNERS), (ways, len(steps), 1, 1))
+    steps = np.repeat(steps[None], ways, 0)
     return Measurements(m.corners, m.covariance, m.linked, steps, covariance, m.reference, m.clicked)
 
 
@@ -137,6 +138,18 @@ def test_steps_unmask_a_wrong_stretch() -> None:
     wrong[60:95] += 15
     assert off(Shot(measured(wrong)).solve(), truth)[60:95].max() > 10
     assert off(Shot(with_steps(measured(wrong), shifts(truth))).solve(), truth).max() < 0.5
+
+
+def test_of_ways_with_steps_the_one_that_does_not_break_is_right() -> None:
+    """Two of three ways follow something else from the known frame on, which their steps do as well."""
+    truth = motion(120)
+    astray = truth + 6 * np.minimum(np.arange(120), 50)[:, None]
+    astray[50:] = np.nan
+    ways = np.array([astray, astray, truth]) + noise(np.array([truth] * 3), 0.1)
+    m = with_steps(measured(*ways, reference={0: truth[0]}), shifts(truth))
+    m.steps[:2] = shifts(np.where(np.isfinite(astray), astray, 0.0))
+    m.step_covariance[:2, 49:] = np.nan
+    assert off(Shot(m).solve(), truth).max() < 0.5
 
 
 def test_steps_bridge_what_no_smooth_motion_would() -> None:

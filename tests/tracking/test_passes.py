@@ -98,6 +98,23 @@ class Scripted:
         )
 
 
+class Distracted(Scripted):
+    """From the reference frame on it follows what moves on in front of the surface, 4 px a frame, up to frame 20."""
+
+    follows = False
+
+    def place(self, homography: Array) -> None:
+        super().place(homography)
+        self.follows = False
+
+    def track(self, frame: Observation) -> Estimate:
+        index = number_of(frame.image)
+        self.follows = index == 0 or (self.follows and index <= 20)
+        follows = self.follows
+        self.world.bias = lambda index: 4.0 * index if follows else 0.0
+        return super().track(frame)
+
+
 AS_MEASURED = TrackingOptions(smooth=0)
 
 
@@ -156,6 +173,14 @@ def test_a_gap_is_filled_from_its_other_end(world: World, clip: Path, start: int
     assert off(found)[20:30].max() < 0.5
 
 
+def test_of_two_ways_the_one_that_leads_to_the_reference_frame_is_right(world: World, clip: Path) -> None:
+    """The tracker follows something in front at first, loses it, and finds the surface, which may be as wrong."""
+    world.hidden = {21, 22, 23}
+    found = ar_demo.track(clip, Surface(quad=QUAD), AS_MEASURED, make_tracker=lambda: Distracted(world))
+    assert off(found).max() < 0.3
+    assert found.counts["lost"] == 0
+
+
 def test_held_frames_are_led_from_fix_to_fix(world: World, clip: Path) -> None:
     world.hidden = {20, 21, 22}
     found = track(clip, Surface(quad=QUAD), world)
@@ -201,7 +226,7 @@ def test_keyframes_lead_over_what_the_tracker_cannot_see(world: World, clip: Pat
     found = track(clip, Surface(quad=QUAD, keyframes=(keyframe(25, truth(25)), keyframe(28, truth(28)))), world)
     assert off(found)[19:29].max() < 0.2
     assert found.states[23:29] == ["held"] * 6
-    assert off(found)[25] < 0.2 < found.deviation[25] < 2.1
+    assert off(found)[25] < 0.15 < found.deviation[25] < 2.1
     assert off(found)[31] < 0.1
 
 
