@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from itertools import accumulate, groupby
 
 from hdn.state import State
 
@@ -23,16 +24,10 @@ def items(lines: Sequence[str]) -> str:
 
 def state_bar(states: Sequence[State], cuts: Sequence[int] = (), height: int = 22) -> str:
     """An SVG as wide as its place that shows the states along the time, cuts as lines; height in px."""
-    runs: list[tuple[int, int, State]] = []  # first frame, frames, state
-    for index, state in enumerate(states):
-        if runs and runs[-1][2] == state:
-            runs[-1] = runs[-1][0], index + 1 - runs[-1][0], state
-        else:
-            runs.append((index, 1, state))
     bars = "".join(
         f"<rect x='{first}' width='{count}' y='{1 - STATE_HEIGHTS[state]:g}' height='{STATE_HEIGHTS[state]:g}' "
         f"fill='{STATE_COLOURS[state]}'><title>{_frames(first, first + count - 1)}: {state}</title></rect>"
-        for first, count, state in runs
+        for first, count, state in state_runs(states)
     )
     lines = "".join(
         f"<line x1='{cut}' x2='{cut}' y1='0' y2='1' stroke='currentColor' vector-effect='non-scaling-stroke'/>"
@@ -43,6 +38,13 @@ def state_bar(states: Sequence[State], cuts: Sequence[int] = (), height: int = 2
         f"<svg viewBox='0 0 {len(states)} 1' width='100%' height='{height}' preserveAspectRatio='none' role='img' "
         f"aria-label='States of {len(states)} frames: {told}'>{bars}{lines}</svg>"
     )
+
+
+def state_runs(states: Sequence[State]) -> list[tuple[int, int, State]]:
+    """Frames in a row of the same state: the first, how many, and their state."""
+    lengths = [(state, len([*run])) for state, run in groupby(states)]
+    starts = accumulate((length for _, length in lengths), initial=0)
+    return [(first, length, state) for first, (state, length) in zip(starts, lengths, strict=False)]
 
 
 def _frames(first: int, last: int) -> str:

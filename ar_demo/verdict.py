@@ -136,8 +136,8 @@ def _of_one(track: Track, limits: Limits) -> Verdict:
             reasons.append(f"{state} in {of_all}, where {most:.1%} may be")
     if deviation > allowed:
         count = int((known > allowed).sum())
-        where = f"and worse than {allowed:.1f} px in {counted(count, 'frame')}"
-        reasons.append(f"corners are known to {deviation:.1f} px at worst, {where}")
+        where = f"by more than {allowed:.1f} px in {counted(count, 'frame')}"
+        reasons.append(f"corners are uncertain by {deviation:.1f} px at worst, {where}")
     status: Status = "check" if reasons else "pass"
     if lost > max(limits.fail_lost, limits.max_lost):
         status = "fail"

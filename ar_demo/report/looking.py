@@ -32,7 +32,7 @@ class LookModel:
     measured_frames: int = 1500  # at most, of which light and blur are measured and lines are taken
     view_px: int = 160  # longer side of the rectified surface that is measured
     margin_ratio: float = 0.15  # of the surface, on each side, that the steady strip shows beside it
-    thumbnail_px: int = 144  # longer side of a picture in the strip
+    thumbnail_px: int = 200  # longer side of a picture in the strip
     still_px: int = 560  # width of a still, at most
     around_ratio: float = 0.5  # of the surface's bounding box, on each side, that a still shows beside it
     dark_grey: float = 4.0  # added to grey levels before they are compared, against noise in the dark

@@ -13,17 +13,27 @@ HEIGHT = 72  # px of a plot
 AXIS_WIDTH = 46  # px
 
 
-def plot(series: Series, points: Array, marks: Sequence[tuple[float, str, str]], label: str) -> str:
+def plot(
+    series: Series,
+    points: Array,
+    marks: Sequence[tuple[float, str, str]],
+    bands: Sequence[tuple[int, int, str]],
+    label: str,
+) -> str:
     """One quantity over time: its axis and its line.
 
     Args:
         points: (m,) the values, NaN where there is none.
         marks: where there are vertical lines, 0..m, with their kind (a class of the style sheet) and what they are.
+        bands: from which point on, how many points, are behind the line in the colour of a class.
         label: for those who do not see it.
     """
     top = max(series.top, axis_end(max(float(np.nanmax(points, initial=0.0)), series.limit or 0.0)))
     y = HEIGHT * (1 - points / top)
     lines = "".join(
+        f"<rect class='{kind}' x='{first}' y='0' width='{count}' height='{HEIGHT}'/>" for first, count, kind in bands
+    )
+    lines += "".join(
         f"<line class='{kind}' x1='{x:g}' x2='{x:g}' y1='0' y2='{HEIGHT}'><title>{escape(text)}</title></line>"
         for x, kind, text in marks
     )

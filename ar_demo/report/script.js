@@ -4,26 +4,36 @@ for (const plots of document.querySelectorAll(".plots")) {
   const data = JSON.parse(plots.querySelector("script").textContent);
   const slider = plots.parentNode.querySelector("input");
   const told = plots.parentNode.querySelector("output");
-  const values = plots.querySelectorAll(".value");
-  const place = plots.querySelector(".row > svg.line");
+  const values = [...plots.querySelectorAll(".value")];
+  const ranges = values.map((value) => value.textContent);
+  const place = plots.querySelector("svg.line");
   const cursor = plots.appendChild(document.createElement("div"));
   cursor.className = "cursor";
   cursor.hidden = true;
   const show = (point) => {
     const box = place.getBoundingClientRect();
-    cursor.style.left = box.left - plots.getBoundingClientRect().left + ((point + 0.5) / data.frames.length) * box.width + "px";
+    const left = box.left - plots.getBoundingClientRect().left;
+    cursor.style.left = `${left + ((point + 0.5) / data.frames.length) * box.width}px`;
     cursor.hidden = false;
     slider.value = point;
     slider.setAttribute("aria-valuetext", data.frames[point]);
     told.textContent = data.frames[point];
     data.values.forEach((of, i) => {
-      values[i].textContent = of[point] === null ? "–" : of[point].toFixed(data.digits[i]) + " " + data.units[i];
+      values[i].textContent = of[point] === null ? "–" : `${of[point].toFixed(data.digits[i])} ${data.units[i]}`;
     });
+  };
+  const rest = () => {
+    cursor.hidden = true;
+    told.textContent = "";
+    values.forEach((value, i) => (value.textContent = ranges[i]));
   };
   plots.addEventListener("pointermove", (event) => {
     const box = place.getBoundingClientRect();
     const share = (event.clientX - box.left) / box.width;
     if (share >= 0 && share < 1) show(Math.floor(share * data.frames.length));
   });
+  plots.addEventListener("pointerleave", rest);
   slider.addEventListener("input", () => show(Number(slider.value)));
+  slider.addEventListener("focus", () => show(Number(slider.value)));
+  slider.addEventListener("blur", rest);
 }

@@ -89,7 +89,7 @@ def _told(track: Track, start: int, stop: int, doubtful: Sequence[bool], blur: A
     else:
         said.append("held")
     if held:
-        said.append(f"corners known to {track.deviation[held].max():.1f} px")
+        said.append(f"corners uncertain by up to {track.deviation[held].max():.1f} px")
         seen = float(np.median(track.confidence[held]))
         beyond = float(np.median([outside(track, i) for i in held]))
         size = float(np.median([side(track.corners[i]) for i in held]))

@@ -9,7 +9,7 @@ import numpy as np
 from hdn.imaging.arrays import Array
 from hdn.state import STATES, State
 
-from ..markup import state_bar
+from ..markup import state_bar, state_runs
 from ..tracks import Track
 from ..verdict import Limits
 from .looking import Look
@@ -30,13 +30,14 @@ def timeline(track: Track, number: int, limits: Limits, look: Look | None) -> st
     given = [i for i in sorted(track.given) if low <= i < low + n]
     marks += [((i - low + 0.5) / each, "key", f"corners given by hand in frame {i}") for i in given]
     states = _states(track.states[track.inside], each)
+    bands = [run for run in state_runs(states) if run[2] != "tracked"]
     rows = [f"<div class='row'><div><b>States</b></div>{state_bar(states, [round(x) for x in cuts])}</div>"]
     for one, values in zip(series, points, strict=True):
         label = (
             f"<div title='{escape(one.note, quote=True)}'><b>{one.name}</b><span class='soft'>{one.unit}</span></div>"
         )
-        drawn = plot(one, values, marks, f"{one.name} over time: {_range(one)}. {one.note}")
-        rows.append(f"<div class='row'>{label}{drawn}<div class='value'></div></div>")
+        drawn = plot(one, values, marks, bands, f"{one.name} over time: {_range(one)}. {one.note}")
+        rows.append(f"<div class='row'>{label}{drawn}<div class='value'>{_range(one)}</div></div>")
     if look is not None and look.rows and look.columns:
         for name, picture in (("Middle row", look.rows), ("Middle column", look.columns)):
             label = f"<div><b>{name}</b><span class='soft'>standing still</span></div>"
@@ -76,7 +77,7 @@ def _range(series: Series) -> str:
     known = series.values[np.isfinite(series.values)]
     if not len(known):
         return "no values"
-    return f"{known.min():.{series.digits}f} to {known.max():.{series.digits}f} {series.unit}".rstrip()
+    return f"{known.min():.{series.digits}f} to {known.max():.{series.digits}f}"
 
 
 def _numbers(values: Array, digits: int) -> list[float | None]:

@@ -100,7 +100,7 @@ def test_a_report_with_all_there_is(clip: Path, tmp_path: Path) -> None:
     assert len(text) < 1_000_000
     page = Page(text)
     for words in (
-        "street <b>&.mp4", "check", "lost in 2 of 16 frames", "corners are known to 3.0 px at worst",
+        "street <b>&.mp4", "check", "lost in 2 of 16 frames", "corners are uncertain by 3.0 px at worst",
         "12 of 16 frames are tracked, 2 held and 2 lost", "Frames 12 to 15", "two thirds hidden", "ad <script>.png",
         "Deviation", "Confidence", "Jitter", "Size", "Blur", "Light", "Middle row", "standing still",
         "The worst frames", "frame 14", "before", "after", "a warning", "cover", "3 s", "OpenVINO".lower(), "Python",
