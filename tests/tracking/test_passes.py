@@ -155,7 +155,7 @@ def off(track: Track) -> Array:
 def test_plain_tracking_goes_both_ways_once(world: World, clip: Path, start: int) -> None:
     found = track(clip, Surface(quad=truth(start), start=Moment(frame=start)), world)
     assert found.counts == {"tracked": FRAMES, "held": 0, "lost": 0}
-    assert off(found).max() < 1e-6
+    assert off(found).max() < 1e-4
     assert sorted(world.seen) == sorted([*range(FRAMES), *([start] if start else [])])
     assert found.keyframes == {}
 
@@ -197,7 +197,7 @@ def test_a_keyframe_mends_a_slip(world: World, clip: Path) -> None:
     np.testing.assert_allclose(found.corners[30], truth(30), atol=0.1)
     assert found.deviation[30] == pytest.approx(2, abs=0.3)  # a hand's
     assert off(found)[:31].max() < 2.1 < 6 == world.bias(30)  # what is linear in it is gone
-    assert off(found)[31 + 30 :].max(initial=0) < 1e-6
+    assert off(found)[31 + 30 :].max(initial=0) < 1e-4
     assert found.keyframes.keys() == {30}
     np.testing.assert_array_equal(found.corners[0], QUAD)
 
@@ -290,7 +290,7 @@ def test_several_surfaces_share_one_pass(world: World, clip: Path) -> None:
         tracks = [s.track for s in session.track(surfaces, AS_MEASURED) if s.track is not None]
     assert [t.counts["tracked"] for t in tracks] == [FRAMES] * 3
     assert [t.reference_frame for t in tracks] == [0, 30, 0]
-    assert off(tracks[0]).max() < 1e-6
+    assert off(tracks[0]).max() < 1e-4
     assert [event.stage for event in events].count("track") == FRAMES
     assert [event.stage for event in events].count("track back") == 31
 
