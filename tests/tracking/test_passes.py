@@ -234,7 +234,7 @@ def test_keyframes_lead_over_what_the_tracker_cannot_see(world: World, clip: Pat
 def test_a_keyframe_may_come_before_or_after_the_reference_frame(world: World, clip: Path, start: int) -> None:
     given = tuple(keyframe(i, truth(i) + 2) for i in (5, 45))
     found = track(clip, Surface(quad=truth(start), start=Moment(frame=start), keyframes=given), world)
-    np.testing.assert_array_equal(found.corners[start], truth(start))
+    np.testing.assert_allclose(found.corners[start], truth(start), atol=1e-4)
     assert found.counts["tracked"] == FRAMES
     assert off(found).max() < 0.1
     assert found.keyframes.keys() == found.used.keys() == {5, 45}
