@@ -83,17 +83,19 @@ def replace(
         seconds = time.perf_counter() - started
         result = changed(result, seconds=seconds, verdict=judge(tracks, limits))
         if page is not None:
-            Report.of(
+            told = Report.of(
                 tracks,
                 session.reader.source,
-                None if outputs.video is None else ImageSequence.find(outputs.video.path) or outputs.video.path,
+                None if outputs.video is None else outputs.video.path,
                 limits,
                 [surface.name for surface in tracked],
                 settings({"input": str(input)}, *tracked, tracking, options),
                 {"tracking and checks": f"{seconds - rendering:.1f} s", "rendering": f"{rendering:.1f} s"},
                 result.warnings,
                 listen,
-            ).save(page)
+            )
+            told.save(page)
+            result = changed(result, warnings=told.warnings)
     return result
 
 

@@ -2,7 +2,6 @@
 
 import json
 from argparse import Namespace
-from pathlib import Path
 
 from ..errors import InputError
 from ..importing.loading import load_track
@@ -26,7 +25,9 @@ def report_command(given: Namespace) -> int:
         raise InputError("--composite does nothing without the video: name that as well")
     output = check_page(given.output if "output" in given else given.track.with_suffix(".html"))
     options = OutputOptions(overwrite="overwrite" in given or defaults.output().get("overwrite", False))
-    video, composite = (_source(getattr(given, name, None)) for name in ("input", "composite"))
+    video, composite = given.input if "input" in given else None, getattr(given, "composite", None)
+    if video is not None:
+        video = ImageSequence.find(video) or video
     limits = Limits(**defaults.limits() | limits_of(vars(given)))
     with claimed_output(output, options, given.track, video, composite) as claim:
         report = Report.of(
@@ -43,7 +44,3 @@ def report_command(given: Namespace) -> int:
     else:
         print(f"{output}: {report.verdict}")
     return warn(report.warnings, log, "strict" in given, report.verdict)
-
-
-def _source(name: Path | str | None) -> Path | str | ImageSequence | None:
-    return None if name is None else ImageSequence.find(name) or name

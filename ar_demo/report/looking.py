@@ -13,11 +13,14 @@ from hdn.imaging.homography import from_corners
 from hdn.imaging.pyramid import Pyramid
 from hdn.imaging.quads import mean_size, outline, side
 
+from ..errors import InputError
+from ..media.codecs import is_linear
 from ..media.reader import VideoReader
 from ..media.sequences import ImageSequence
 from ..media.threads import ahead
 from ..progress import Listener, Stage, silent
 from ..tracks import Track
+from ..words import counted
 from .pictures import Picture, at_most
 from .stretches import worst
 
@@ -171,50 +174,49 @@ class _Surface:
         return Still(index, picture, float(left), float(top), (right - left) / picture.width)
 
 
-def look(video: Path | str | ImageSequence, tracks: Sequence[Track], listen: Listener = silent) -> list[Look]:
-    """Goes through a video once, and takes what a report shows of each track.
-
-    Raises:
-        InputError: the video cannot be read.
-    """
+def look(reader: VideoReader, tracks: Sequence[Track], listen: Listener = silent) -> list[Look]:
+    """Goes through a video once, and takes what a report shows of each track."""
     first, last = min(track.first for track in tracks), max(track.last for track in tracks)
     step = -(-(last + 1 - first) // MODEL.measured_frames)
     bytes_each = MODEL.page_bytes // (len(tracks) * (MODEL.worst_frames + MODEL.strip_frames + 4) + 2 * MODEL.pairs)
     surfaces = [_Surface(track, range(first, last + 1, step), bytes_each) for track in tracks]
-    with VideoReader(video) as reader:
-        for surface in surfaces:
-            at = surface.track.reference_frame
-            for frame in reader.frames(at, at + 1):
-                surface.begin(frame.view)
-        show = Stage(listen, "report", 0, last + 1 - first)
-        with ahead(reader.frames(first, last + 1)) as frames:
-            for frame in frames:
-                for surface in surfaces:
-                    surface.see(frame.view, frame.index)
-                show(tuple(track.states[frame.index] if frame.index < len(track) else None for track in tracks))
+    for surface in surfaces:
+        at = surface.track.reference_frame
+        for frame in reader.frames(at, at + 1):
+            surface.begin(frame.view)
+    show = Stage(listen, "report", 0, last + 1 - first)
+    with ahead(reader.frames(first, last + 1)) as frames:
+        for frame in frames:
+            for surface in surfaces:
+                surface.see(frame.view, frame.index)
+            show(tuple(track.states[frame.index] if frame.index < len(track) else None for track in tracks))
     return [surface.finish() for surface in surfaces]
 
 
-def pairs(
-    video: Path | str | ImageSequence, composite: Path | str | ImageSequence, tracks: Sequence[Track]
-) -> list[tuple[Still, Still]]:
+def pairs(reader: VideoReader, composite: Path | str, tracks: Sequence[Track]) -> list[tuple[Still, Still]]:
     """Stills of the video and of what was made of it, in the same frames: an early one, one in the middle, a late one.
 
     Raises:
-        InputError: either cannot be read.
+        InputError: what was made cannot be read, is in linear light, or is a sequence of another length.
     """
+    made = ImageSequence.find(composite)
+    if is_linear(Path(composite)):
+        raise InputError(f"{composite} is in linear light: give one that can be looked at")
+    if made is not None and len(made.files) != len(tracks[0]):
+        frames = counted(len(tracks[0]), "frame")
+        raise InputError(f"{composite} has {counted(len(made.files), 'picture')}, and the track {frames}")
     track = tracks[0]
     known = [i for i in range(track.first, track.last + 1) if track.known[i]]
     share = (np.arange(MODEL.pairs) + 0.5) / MODEL.pairs
     chosen = sorted({known[int(s * len(known))] for s in share}) if known else []
     bytes_each = MODEL.page_bytes // (len(tracks) * (MODEL.worst_frames + MODEL.strip_frames + 4) + 2 * MODEL.pairs)
     found = []
-    with VideoReader(video) as before, VideoReader(composite) as after:
+    with VideoReader(made or composite) as after:
         for index in chosen:
             stills = [
                 Still(index, Picture.of(at_most(frame.view, MODEL.still_px), bytes_each))
-                for reader in (before, after)
-                for frame in reader.frames(index, index + 1)
+                for shown in (reader, after)
+                for frame in shown.frames(index, index + 1)
             ]
             if len(stills) == 2:
                 found.append((stills[0], stills[1]))

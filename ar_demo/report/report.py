@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, RunError
 from ..markup import items
 from ..media.claims import Claim, write_whole
-from ..media.reader import VideoReader
+from ..media.reader import IndexDropped, VideoReader
 from ..media.sequences import ImageSequence
 from ..progress import Listener, silent
 from ..session import check_belongs_to
@@ -60,7 +60,7 @@ class Report:
         cls,
         tracks: Track | Sequence[Track],
         video: Path | str | ImageSequence | None = None,
-        composite: Path | str | ImageSequence | None = None,
+        composite: Path | str | None = None,
         limits: Limits = LIMITS,
         names: Sequence[str | None] = (),
         settings: Facts | None = None,
@@ -73,7 +73,8 @@ class Report:
         Args:
             tracks: of one video.
             video: that they were made of; None leaves out all pictures, light and blur.
-            composite: what was rendered with them, frame by frame as the video is.
+            composite: what was rendered with them, frame by frame as the video is; where it cannot be looked at, a
+                warning says why.
             limits: what they may be and pass.
             names: of the surfaces, as their ads are called.
             settings, timings: what was asked for, and how long it took, by name.
@@ -85,20 +86,24 @@ class Report:
         """
         tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
         verdict = judge(tracks, limits)
+        if warnings is None:
+            warnings = [warning for track in tracks for warning in track.warnings]
         looks: list[Look] = []
         stills: list[tuple[Still, Still]] = []
+        told = list(dict.fromkeys(warnings))
         if video is not None:
             with VideoReader(video) as reader:
                 for track in tracks:
                     check_belongs_to(track, reader)
-                video = reader.source
-                looks = look(video, tracks, listen)
-                stills = pairs(video, composite, tracks) if composite is not None else []
-        if warnings is None:
-            warnings = list(dict.fromkeys(warning for track in tracks for warning in track.warnings))
-        return cls(
-            tracks, verdict, list(names), looks, stills, dict(settings or {}), dict(timings or {}), list(warnings)
-        )
+                try:
+                    looks = look(reader, tracks, listen)
+                except IndexDropped:
+                    looks = look(reader, tracks, listen)  # by decoding alone
+                try:
+                    stills = pairs(reader, composite, tracks) if composite is not None else []
+                except (InputError, RunError) as error:
+                    told.append(f"there are no stills of what was made: {error}")
+        return cls(tracks, verdict, list(names), looks, stills, dict(settings or {}), dict(timings or {}), told)
 
     def html(self) -> str:
         """The page: it loads nothing, and can be opened anywhere."""

@@ -9,12 +9,16 @@ from fractions import Fraction
 from hashlib import sha256
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ar_demo import InputError, Report, Track
+from ar_demo.media.pictures import write_picture
+from ar_demo.media.reader import IndexDropped
 from ar_demo.report import looking
+from ar_demo.report import report as report_module
 from ar_demo.report.facts import settings
 from ar_demo.report.report import check_page
 from ar_demo.surface import Keyframe, Moment, Surface
@@ -180,6 +184,39 @@ def test_in_a_long_track_several_frames_share_a_point() -> None:
     assert "frames 77720 to 77786" in text
     [data] = re.findall(r"<script type='application/json'>(.*?)</script>", text)
     assert json.loads(data)["values"][0].count(5.0) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("missing.mp4", "missing.mp4"),
+        ("out.%03d.png", "15 pictures, and the track 16 frames"),
+        ("o.exr", "linear light"),
+    ],
+)
+def test_what_cannot_be_looked_at_is_a_warning(clip: Path, tmp_path: Path, name: str, why: str) -> None:
+    for number in range(FRAMES - 1):
+        write_picture(tmp_path / f"out.{number:03d}.png", Scene().draw(None))
+    (tmp_path / "o.exr").write_bytes(b"")
+    report = Report.of(tracked(str(clip)), clip, composite=tmp_path / name)
+    assert report.pairs == []
+    assert why in report.warnings[-1]
+    write_picture(tmp_path / f"out.{FRAMES - 1:03d}.png", Scene().draw(None))
+    assert len(Report.of(tracked(str(clip)), clip, composite=tmp_path / "out.%03d.png").pairs) == 3
+
+
+def test_starts_over_where_frames_were_numbered_wrongly(clip: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried, look = [], report_module.look
+
+    def once_wrong(*arguments: Any) -> Any:
+        tried.append(arguments)
+        if len(tried) == 1:
+            raise IndexDropped("frames were counted wrongly")
+        return look(*arguments)
+
+    monkeypatch.setattr(report_module, "look", once_wrong)
+    assert len(Report.of(tracked(str(clip)), clip).looks) == 1
+    assert len(tried) == 2
 
 
 def test_a_track_of_another_video_is_refused(clip: Path) -> None:
