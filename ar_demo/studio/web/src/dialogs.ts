@@ -69,18 +69,19 @@ export function chooseFile(title: string, kinds: string[]): Promise<(Entry & { k
       draw(html`
         ${kinds.includes("ad")
           ? html`<label class="drop" @dragover=${(e: Event) => e.preventDefault()} @drop=${drop}>
-              <input type="file" accept="image/*,video/*" ?disabled=${busy}
+              <input class="unseen" type="file" accept="image/*,video/*" ?disabled=${busy}
                 @change=${(e: Event) => void send((e.target as HTMLInputElement).files?.[0])} />
-              <span>${busy ? "Sending…" : "From this computer: choose a picture or a video, or drop it here"}</span>
+              ${icons.add}<span>${busy ? "Sending…" : "Choose a picture or a video of yours, or drop it here"}</span>
             </label>`
           : nothing}
         ${failure(error)}
         ${listing
-          ? html`<p class="hint">${listing.folder}</p>
+          ? html`${listing.folder ? html`<p class="hint">In the folder ${listing.folder.name}</p>` : nothing}
               <ul class="files">
-                ${listing.parent ? html`<li><button type="button" @click=${() => void enter(listing!.parent!)}>${icons.raise}<span>Folder above</span></button></li>` : nothing}
+                ${listing.parent ? html`<li><button type="button" @click=${() => void enter(listing!.parent!.id)}>${icons.raise}<span>Folder above</span></button></li>` : nothing}
                 ${listing.folders.map((f) => html`<li><button type="button" @click=${() => void enter(f.id)}>${icons.open}<span>${f.name}</span></button></li>`)}
                 ${listing.files.map((f) => html`<li><button type="button" @click=${() => choose(f, f.kind ?? kinds[0])}>
+                  ${kinds.includes("ad") ? html`<img src=${api.adPicture(f.id, 96)} alt="" width="56" height="42" loading="lazy" />` : nothing}
                   <span class="grow">${f.name}</span><small>${f.bytes ? bytes(f.bytes) : ""}</small></button></li>`)}
                 ${listing.files.length ? nothing : html`<li class="hint">There is no such file in this folder.</li>`}
               </ul>`

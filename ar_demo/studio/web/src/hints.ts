@@ -2,6 +2,7 @@
 
 import { html, nothing } from "lit-html";
 import { CORNER_NAMES } from "./geometry";
+import type { Corners } from "./model";
 import type { Studio } from "./studio";
 
 interface Hint {
@@ -49,10 +50,17 @@ function ofTrack(studio: Studio): Hint {
   if (!surface || !track) return { text: "" };
   if (studio.view !== "frame") return { text: viewHint(studio) };
   if (frame === surface.start) return { text: "Here the surface was marked. Play, or click the time line, to check the others." };
-  if (surface.keyframes.some((k) => k.frame === frame)) return { text: "A keyframe: these corners were given by hand." };
+  const keyframe = surface.keyframes.find((k) => k.frame === frame);
+  if (keyframe) return { text: `A keyframe: these corners were given by hand.${beside(keyframe.corners, track.corners[frame])}` };
   if (!studio.handles)
     return { text: "The surface is lost in this frame.", actions: [["Mark it here", () => studio.keyframeHere()]] };
   return { text: "Is the outline off here? Drag its corners: that makes a keyframe." };
+}
+
+/** How far the track passes from a keyframe, which is a measurement among others. */
+function beside(given: Corners, found: Corners | null): string {
+  const px = found ? Math.max(...given.map(([x, y], i) => Math.hypot(x - found[i][0], y - found[i][1]))) : 0;
+  return px > 0.5 ? ` The track passes ${px.toFixed(1)} px beside them (dashed): what was measured is surer.` : "";
 }
 
 function viewHint(studio: Studio): string {

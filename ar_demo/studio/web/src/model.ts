@@ -12,9 +12,10 @@ export interface Entry {
   bytes?: number;
 }
 
+/** A folder; null where only files that were named can be opened. */
 export interface Listing {
-  folder: string;
-  parent: string | null;
+  folder: Entry | null;
+  parent: Entry | null;
   folders: Entry[];
   files: Entry[];
 }
@@ -106,6 +107,8 @@ export interface Project extends Doc {
   video: Video;
   choices: Record<string, string[]>;
   command: string;
+  /** The name that the output gets, until another is typed. */
+  output: string;
   job_file: string;
   task: Task | null;
 }

@@ -6,13 +6,22 @@ const FASTEST = 8;
 const AROUND = 1; // s before and after, where only what is near is played in a loop
 
 export class Player {
-  /** Frames of the video for a frame's time: negative backward, 0 stands. */
-  speed = 0;
+  private pace = 0;
   private due = 0;
   private range: [number, number] = [0, 0];
   private drawn = -1;
 
   constructor(private readonly studio: Studio) {}
+
+  /** Frames of the video for a frame's time: negative backward, 0 stands. */
+  get speed(): number {
+    return this.pace;
+  }
+
+  set speed(speed: number) {
+    this.pace = speed;
+    this.studio.isPlaying = speed !== 0;
+  }
 
   /** K and space. */
   toggle(): void {

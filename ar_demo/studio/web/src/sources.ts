@@ -5,7 +5,6 @@ import type { Video } from "./model";
 import { Pictures } from "./pictures";
 
 const HEIGHTS = [360, 540, 720, 1080, 1440, 2160];
-const AHEAD = 8; // frames
 
 export class Sources {
   /** 1 forward, -1 backward: where more is fetched in advance. */
@@ -45,8 +44,8 @@ export class Sources {
     return this.source("steady", `${height} ${surface} ${track}`, (i) => this.api.steady(surface, i, height, track));
   }
 
-  /** This frame first, then those that come next. */
-  want(pictures: Pictures, frame: number, ahead = AHEAD): void {
+  /** This frame first, then as many that come next. */
+  want(pictures: Pictures, frame: number, ahead: number): void {
     const next = Array.from({ length: ahead }, (_, i) => frame + (i + 1) * this.direction);
     pictures.want([frame, ...next.filter((i) => i >= 0 && i < this.video.frames)]);
   }

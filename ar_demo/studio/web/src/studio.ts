@@ -35,6 +35,7 @@ export class Studio {
   following = true;
   /** Whether playing goes round two seconds about where it began. */
   looping = false;
+  isPlaying = false;
   corner: number | null = null;
   dragging = false;
   /** Where the dragged corner would snap to. */
@@ -54,6 +55,8 @@ export class Studio {
   mayOverwrite = false;
   message = "";
 
+  /** Where tracking was begun from, to go back to. */
+  private cameFrom: number | null = null;
   private readonly watchers: (() => void)[] = [];
   private pending = false;
   private retrackTimer = 0;
@@ -80,7 +83,7 @@ export class Studio {
     this.doc.api.listen(
       (event) => this.hear(event),
       (is) => {
-        if (is && !this.connected) void this.doc.reload();
+        if (is) void this.doc.reload().catch(() => undefined); // what was told before the connection was made
         this.connected = is;
         this.changed();
       },
@@ -241,6 +244,7 @@ export class Studio {
     if (!surface?.quad || this.view !== "frame" || this.tool !== "corners") return null;
     if (this.step === "look" || this.step === "finish" || this.isBusy) return null;
     if (this.frame === surface.start) return surface.quad;
+    if (this.step === "mark") return null;
     const keyframe = surface.keyframes.find((k) => k.frame === this.frame);
     if (keyframe) return keyframe.corners;
     return this.tracks.of(surface)?.corners[this.frame] ?? null;
@@ -470,6 +474,7 @@ export class Studio {
     this.clear("track");
     if (!(await this.doc.settled())) return;
     this.following = true;
+    this.cameFrom = this.frame;
     try {
       this.setTask(await this.doc.api.startTracking());
       if (this.step === "mark") this.go("track");
@@ -532,8 +537,12 @@ export class Studio {
   private async ended(task: Task): Promise<void> {
     if (task.state === "failed") this.fail(task.kind === "render" ? "finish" : "track", sentence(task.error ?? "it failed"));
     await this.doc.reload().catch(() => undefined);
-    if (task.kind === "track") await this.tracks.reload(this.project.surfaces);
-    else await this.readOutputs();
+    if (task.kind === "track") {
+      await this.tracks.reload(this.project.surfaces);
+      if (this.following && this.cameFrom !== null) this.seek(this.cameFrom);
+      this.cameFrom = null;
+    }
+    if (task.kind === "render") await this.readOutputs();
     this.changed();
   }
 }

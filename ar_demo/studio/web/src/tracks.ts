@@ -3,6 +3,8 @@
 import type { ProjectApi } from "./api";
 import type { Corners, Surface, Track } from "./model";
 
+const BETWEEN = 20; // frames: not every pose is told while tracking is quick
+
 const blank = (frames: number): Track => ({
   first: 0,
   last: frames - 1,
@@ -18,6 +20,7 @@ const blank = (frames: number): Track => ({
 
 export class Tracks {
   private readonly known = new Map<number, { id: string | null; track: Track | null }>();
+  private lastFrame = NaN;
   /** Grows with every change. */
   version = 0;
 
@@ -60,9 +63,11 @@ export class Tracks {
     this.known.set(surface.key, entry);
     const track = (entry.track ??= blank(frames));
     track.corners[frame] = corners;
-    track.states = track.states.slice(0, frame) + (state[0] ?? " ") + track.states.slice(frame + 1);
-    track.confidence[frame] = NaN; // known at the end
-    track.deviation[frame] = null;
+    const near = Math.abs(frame - this.lastFrame) <= BETWEEN;
+    const [first, last] = near ? [Math.min(frame, this.lastFrame), Math.max(frame, this.lastFrame)] : [frame, frame];
+    track.states = track.states.slice(0, first) + (state[0] ?? " ").repeat(last - first + 1) + track.states.slice(last + 1);
+    for (let i = first; i <= last; i++) [track.confidence[i], track.deviation[i]] = [NaN, null]; // known at the end
+    this.lastFrame = frame;
     this.version++;
   }
 

@@ -17,16 +17,11 @@ const LABELS: Record<string, Record<string, string>> = {
 
 let copied = 0;
 
-/** The name that the output gets, until it is changed. */
-export function suggestedName(video: string): string {
-  return `${video.replace(/\.[^.]*$/, "").replace(/[^\w.-]+/g, "_") || "output"}-ad.mp4`;
-}
-
 export function finish(studio: Studio) {
   const { project, task } = studio;
   const { rendering, choices } = project;
   const running = studio.isBusy && task?.kind === "render";
-  const name = studio.outputName ?? suggestedName(project.video.name);
+  const name = studio.outputName ?? project.output;
   const untracked = project.surfaces.some((s) => !s.track);
   const stale = project.surfaces.some((s) => s.track?.stale);
   const list = (field: string, any = ""): Choice[] => [
@@ -70,7 +65,7 @@ export function finish(studio: Studio) {
     <div class="card">
       <h2>Or render elsewhere</h2>
       <p>All that you do here is kept in <strong>${project.job_file}</strong>, beside the video. This does the same on the command line:</p>
-      <pre class="command" tabindex="0" aria-label="Command line">${project.command}</pre>
+      <pre class="command" tabindex="0" role="region" aria-label="Command line">${project.command}</pre>
       <button class="quiet" type="button" @click=${() => void copy(studio)}>${icons.copy} ${copied > Date.now() ? "Copied" : "Copy the command"}</button>
     </div>
   `;

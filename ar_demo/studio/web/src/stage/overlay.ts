@@ -43,6 +43,8 @@ export class Overlay {
       frame === surface.start && !studio.isBusy ? surface.quad : (keyframe?.corners ?? track?.corners[frame] ?? null);
     if (frame === surface.start) this.regions(surface, selected);
     if (!corners) return;
+    const found = track?.corners[frame];
+    if (selected && keyframe && found && frame !== surface.start) this.outline(found, colour("other"), 1.25, [5, 4]);
     const held = frame !== surface.start && track?.states[frame] === "h";
     const lost = frame !== surface.start && track?.states[frame] === "l";
     const style = !selected ? "other" : lost ? "lost" : held ? "held" : "mark";

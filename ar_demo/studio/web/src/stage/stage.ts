@@ -111,19 +111,20 @@ export class Stage {
   private fetch(source: Pictures): void {
     const { studio } = this;
     const { sources, frame } = studio;
-    sources.want(source, frame, this.view.isZoomed && studio.view === "frame" ? 0 : undefined);
+    const [still, playing] = { frame: [this.view.isZoomed ? 0 : 4, 10], wipe: [0, 8], composite: [0, 8], steady: [2, 8] }[studio.view];
+    sources.want(source, frame, studio.isPlaying ? playing : still);
     const picture = source.get(frame);
     if (picture && (this.shown.frame !== frame || this.shown.source !== source)) {
       copy(picture, this.main);
       this.shown = { frame, source };
       this.canvas.dataset.frame = `${frame}`;
-      this.canvas.dataset.view = studio.view;
       this.canvas.setAttribute("aria-label", `Frame ${frame} of ${studio.video.name}`);
       this.onDrawn(frame);
     }
+    if (this.shown.source === source) this.canvas.dataset.view = studio.view;
     if (studio.view !== "wipe") return;
     const plain = sources.frames();
-    sources.want(plain, this.shown.frame >= 0 ? this.shown.frame : frame, 2);
+    sources.want(plain, this.shown.frame >= 0 ? this.shown.frame : frame, studio.isPlaying ? 8 : 0);
     const other = plain.get(this.shown.frame);
     if (other && this.beforeFrame !== this.shown.frame) {
       copy(other, this.before);

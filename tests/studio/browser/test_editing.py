@@ -1,0 +1,121 @@
+"""Marking by mouse, keys and fingers; undo; reloads and second tabs."""
+
+import json
+
+import numpy as np
+
+QUAD = np.array([[220.0, 90], [430, 97], [424, 250], [226, 240]])
+
+
+def job(folder):
+    return json.loads((folder / "street.job.json").read_text())
+
+
+def marked(person):
+    """A surface in the middle, without snapping."""
+    person.page.get_by_label("Snap to edges").uncheck()
+    person.mark(QUAD)
+    person.wait_for("Marked in frame 0")
+    person.saved()
+    return person
+
+
+def test_corners_move_by_a_tenth_of_a_pixel_and_back(visit, folder):
+    person = marked(visit())
+    before = person.corners()
+    person.page.locator(".corner").nth(1).focus()
+    person.page.locator(".loupe").wait_for(state="visible")
+    person.press("ArrowRight", "ArrowRight", "ArrowUp", "Shift+ArrowDown")
+    person.saved()
+    assert np.allclose(person.corners() - before, [[0, 0], [0.2, 0.9], [0, 0], [0, 0]], atol=0.051)
+    person.press("Control+z")
+    person.saved()
+    assert np.allclose(person.corners(), before)
+    person.press("Control+Shift+z")
+    person.saved()
+    assert np.allclose(person.corners()[1] - before[1], [0.2, 0.9], atol=0.051)
+    assert np.allclose(job(folder)["surfaces"][0]["quad"], person.corners(), atol=0.06)
+
+
+def test_a_reload_and_a_second_tab_lose_nothing(visit, folder):
+    person = marked(visit())
+    before = person.corners()
+    person.page.reload()
+    person.wait_for("Marked in frame 0")
+    assert np.allclose(person.corners(), before)
+    other = person.page.context.new_page()
+    other.goto(person.page.url)
+    other.get_by_text("Marked in frame 0").wait_for()
+    other.get_by_label("top left, x", exact=True).fill("200")
+    other.keyboard.press("Tab")
+    person.page.bring_to_front()
+    person.wait_for("changed in another tab")
+    person.until(lambda: person.corners()[0, 0] == 200)
+
+
+def test_a_second_surface_with_what_is_left_out_and_an_effect(visit, folder):
+    person = marked(visit())
+    person.click("Another surface")
+    person.mark([(20, 20), (120, 22), (118, 80), (22, 84)])
+    person.wait_for("Marked in frame 0")
+    person.page.locator("summary", has_text="What is tracked").click()
+    person.click("Leave something out")
+    for x, y in [(40, 30), (80, 30), (60, 60)]:
+        person.page.mouse.click(*person.on_stage(x, y))
+    person.press("Enter")
+    person.wait_for("Left out: 3 corners")
+    person.page.get_by_role("button", name="Look", exact=True).click()
+    person.page.get_by_label("Kind").select_option("mosaic")
+    person.saved()
+    first, second = job(folder)["surfaces"]
+    assert first["ad"].endswith("ad.png")
+    assert second["effect"] == "mosaic"
+    assert "ad" not in second
+    assert np.allclose(second["exclude"], [[(40, 30), (80, 30), (60, 60)]], atol=1)
+    person.click("Remove surface 2")
+    person.press("Control+z")
+    person.saved()
+    assert len(job(folder)["surfaces"]) == 2
+
+
+def test_a_finger_marks_and_drags(visit):
+    person = visit(viewport={"width": 820, "height": 1180}, has_touch=True)
+    person.page.get_by_label("Snap to edges").uncheck()
+    for x, y in QUAD:
+        person.page.touchscreen.tap(*person.on_stage(x, y))
+    person.wait_for("Marked in frame 0")
+    before = person.corners()
+    assert np.abs(before - QUAD).max() < 1
+    code = """([dx, dy]) => {
+        const handle = document.querySelectorAll(".corner")[0], box = handle.getBoundingClientRect();
+        const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
+        const fire = (type, by) => handle.dispatchEvent(new PointerEvent(type, {bubbles: true, pointerId: 7,
+            pointerType: "touch", buttons: 1, clientX: x + by * dx, clientY: y + by * dy}));
+        Element.prototype.setPointerCapture = () => undefined; // the pointer is not a real one
+        fire("pointerdown", 0); fire("pointermove", 0.5); fire("pointermove", 1); fire("pointerup", 1);
+    }"""
+    person.page.evaluate(code, [20, -10])
+    person.until(lambda: (person.corners() - before)[0, 0] > 5)
+    moved = person.corners() - before
+    assert moved[0, 1] < -2
+    assert np.allclose(moved[1:], 0)
+
+
+def test_errors_are_said_where_they_arise(visit, folder):
+    person = visit(ad=False)
+    assert person.page.get_by_role("button", name="Track the surface").is_disabled()
+    person.wait_for("First mark the corners of the surface.")
+    marked(person)
+    person.wait_for("First choose an ad for the surface.")
+    person.click("Choose an ad…")
+    dialog = person.page.get_by_role("dialog")
+    dialog.locator("input[type=file]").set_input_files(
+        {"name": "ad.png", "mimeType": "image/png", "buffer": b"no picture"}
+    )
+    alert = dialog.get_by_role("alert")
+    alert.wait_for()
+    assert alert.inner_text().endswith(".")
+    dialog.locator("input[type=file]").set_input_files(folder / "ad.png")
+    dialog.wait_for(state="detached")
+    person.saved()
+    assert person.page.get_by_role("button", name="Track the surface").is_enabled()
