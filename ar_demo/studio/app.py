@@ -50,6 +50,12 @@ class Marked(msgspec.Struct):
     corners: Corners
 
 
+class Asked(msgspec.Struct):
+    """A frame."""
+
+    frame: int
+
+
 class Wanted(msgspec.Struct):
     """A file to render, by its name, beside the job file."""
 
@@ -75,6 +81,7 @@ def application(workspace: Workspace, admission: Admission) -> Starlette:
         Route("/api/projects/{project}/surfaces/{surface:int}/steady/{frame:int}", api.steady),
         Route("/api/projects/{project}/surfaces/{surface:int}/track", api.track),
         Route("/api/projects/{project}/snap", api.snap, methods=["POST"]),
+        Route("/api/projects/{project}/proposals", api.proposals, methods=["POST"]),
         Route("/api/projects/{project}/track", api.begin_tracking, methods=["POST"]),
         Route("/api/projects/{project}/render", api.begin_rendering, methods=["POST"]),
         Route("/api/projects/{project}/stop", api.stop, methods=["POST"]),
@@ -188,6 +195,10 @@ class _Api:
     async def snap(self, request: Request) -> Response:
         project, asked = self._project(request), await _body(request, Marked)
         return JSONResponse(await run_sync(project.snapped, asked.frame, asked.corners))
+
+    async def proposals(self, request: Request) -> Response:
+        project, asked = self._project(request), await _body(request, Asked)
+        return JSONResponse(await run_sync(project.proposals, asked.frame))
 
     async def begin_tracking(self, request: Request) -> Response:
         task = await run_sync(self._project(request).begin_tracking)

@@ -18,6 +18,7 @@ import numpy as np
 from msgspec import UNSET
 
 from hdn import Observation
+from hdn.alignment.rectangles import find_rectangles
 from hdn.alignment.snapping import snap
 from hdn.imaging.arrays import Array
 from hdn.imaging.quads import check_quad
@@ -46,6 +47,7 @@ from .state import (
     SurfaceState,
     TrackingState,
     TrackState,
+    points,
     put_options,
     relative,
     state_of,
@@ -525,6 +527,15 @@ class Project:
         image = self.frames.image(frame)
         quad, moved = _checked("corners", lambda: snap(Observation(image), np.array(corners, np.float64)))
         return {"corners": np.round(quad, 3).tolist(), "moved": np.round(moved, 3).tolist()}
+
+    def proposals(self, frame: int) -> dict[str, Any]:
+        """Likely rectangles in a frame, best first.
+
+        Raises:
+            Refusal: there is no such frame.
+        """
+        found = find_rectangles(Observation(self.frames.image(frame)))
+        return {"proposals": [{"corners": points(r.corners), "score": round(r.score, 3)} for r in found]}
 
 
 def job_file_of(video: Path) -> Path:

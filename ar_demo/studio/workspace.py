@@ -42,9 +42,9 @@ class Workspace:
         self._opening = Lock()
 
     def close(self) -> None:
-        """Closes all projects."""
-        for project in self.projects.values():
-            project.close()
+        """Closes all projects; calling again does nothing."""
+        while self.projects:
+            self.projects.popitem()[1].close()
 
     def open(self, path: Path, ad: Path | None = None) -> Project:
         """Opens a video, or the job file of one; the same project where it is open already.

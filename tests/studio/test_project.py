@@ -321,6 +321,14 @@ def test_corners_snap_to_edges(studio: Studio) -> None:
     assert studio.post("/snap", {"frame": 99, "corners": clicked}).status_code == 404
 
 
+def test_proposes_the_poster(studio: Studio) -> None:
+    proposals = studio.post("/proposals", {"frame": 3}).json()["proposals"]
+    assert error(np.array(proposals[0]["corners"]), TRUTH[3]) < 3
+    assert [p["score"] for p in proposals] == sorted((p["score"] for p in proposals), reverse=True)
+    assert studio.post("/proposals", {"frame": FRAMES}).status_code == 404
+    assert studio.post("/proposals", {}).status_code == 422
+
+
 def test_a_job_file_of_something_else_is_refused_and_stays(folder: Path) -> None:
     (folder / "street.job.json").write_text("{}")
     with pytest.raises(InputError, match="not as a job file must be"):
