@@ -1,6 +1,7 @@
 import logging
 import os
 import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -71,6 +72,20 @@ def shared_networks(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
         return Tracker(weights, device, None if weights else engine)
 
     monkeypatch.setattr(protocol, "Tracker", tracker)
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    """A real file system of 200 kB."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=200k", "tmpfs", disk], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip("mounting needs root")
+    yield disk
+    subprocess.run(["umount", disk], check=True)
 
 
 @pytest.fixture(autouse=True)

@@ -47,9 +47,6 @@ class Bounds:
 def _names(job: Job) -> Iterator[str]:
     """All files and addresses that a job reads or writes."""
     for name, value in job.values.items():
-        if options()[name].is_path:
-            yield value
-        elif name == "surface":
-            yield from (ad for ad, _ in value if ad != "-")
+        yield from options()[name].files(value)
     if "job" in job.values:
         yield from map(str, load_job(Path(job.values["job"])).files)

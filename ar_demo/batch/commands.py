@@ -3,6 +3,8 @@
 import json
 import shlex
 from argparse import Namespace
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from hdn.commandline import DONE, FAILED
@@ -11,7 +13,9 @@ from ..cli.reporting import set_up_logging
 from ..errors import InputError
 
 MISSING = "a batch takes packages that are not installed: install them with pip install 'ar-replace[batch]'"
-PACKAGES = ("distributed", "fsspec", "psutil", "pydantic", "ruamel")
+LOCAL = "local"  # in the place of a scheduler's address
+CACHE_BYTES = 20 * 10**9  # that addresses' files may have together, where nothing is said
+PACKAGES = ("aiohttp", "distributed", "fsspec", "psutil", "pydantic", "ruamel")
 
 
 def batch_command(given: Namespace) -> int:
@@ -29,11 +33,17 @@ def _batch(given: Namespace) -> int:
     from .jobs import expand
     from .local import LocalPool, usual_workers
     from .manifest import load
-    from .running import Batch, Settings
+    from .running import Batch, Pool, Settings
+    from .staging import Place
     from .state import State
     from .summary import as_json, table, write
 
     set_up_logging("quiet" in given)
+    is_local = getattr(given, "scheduler", LOCAL) == LOCAL
+    for name in ("workers",) if not is_local else ("resources",):
+        if name in given:
+            other = "--scheduler ADDRESS"
+            raise InputError(f"--{name} does nothing {'without' if is_local else 'beside'} {other}: leave it out")
     manifest, document = load(given.manifest)
     jobs = expand(manifest, document)
     schemes = tuple(given.schemes.lower().split(",")) if "schemes" in given else SCHEMES
@@ -50,7 +60,17 @@ def _batch(given: Namespace) -> int:
     names = ("retries", "time_limit", "memory_limit", "max_frames", "max_pixels")
     settings = Settings(**{name: getattr(given, name) for name in names if name in given})
     folder: Path = given.state if "state" in given else given.manifest.with_suffix(".batch")
-    with State(folder) as state, LocalPool(getattr(given, "workers", usual_workers()), [state.lock]) as pool:
+    place = Place(getattr(given, "cache", None), getattr(given, "cache_size", CACHE_BYTES))
+    with State(folder) as state, ExitStack() as held:
+        pool: Pool
+        if is_local:
+            workers = getattr(given, "workers", usual_workers())
+            pool = held.enter_context(LocalPool(workers, place, [state.lock]))
+        else:
+            from .cluster import ClusterPool, parse_resources
+
+            resources = parse_resources(getattr(given, "resources", ""))
+            pool = held.enter_context(ClusterPool(given.scheduler, resources, replace(place, makes_aside=True)))
         batch = Batch(state, pool, settings)
         try:
             batch.run(jobs)

@@ -13,6 +13,7 @@ from ..cli.defaults import load_defaults
 from ..cli.jobs import load_job
 from ..media.download import is_url
 from ..media.sequences import pictures_of
+from . import addresses
 from .jobs import Job
 from .options import options
 from .state import State
@@ -41,7 +42,13 @@ def track_key(job: Job, state: State) -> str | None:
 
 
 def stamp(path: str) -> str:
-    """What changes when a file, or pictures of a sequence, are written; '' where there is none."""
+    """What changes when a file, or pictures of a sequence, are written; '' where there is none.
+
+    Raises:
+        InputError, RunError: it is at an address that cannot be reached.
+    """
+    if is_url(path):
+        return addresses.facts(path)
     found = [Path(path)] if os.path.isfile(path) else sorted(pictures_of(Path(path)))
     try:
         stats = [file.stat() for file in found]
@@ -67,19 +74,16 @@ def _contents(values: Mapping[str, Any], state: State) -> dict[str, Any]:
     """Options where names of files that are read stand for what is in them."""
     said = {name: value for name, value in values.items() if not options()[name].is_output and name != "overwrite"}
     for name, value in said.items():
-        if options()[name].is_path:
-            said[name] = _content(value, state)
-        elif name == "surface":
-            said[name] = [(ad if ad == "-" else _content(ad, state), corners) for ad, corners in value]
+        said[name] = options()[name].renamed(value, lambda file: _content(file, state))
     if "job" in values:
         said["files"] = [_content(str(file), state) for file in load_job(Path(values["job"])).files]
     return said
 
 
 def _content(name: str, state: State) -> str:
-    """What is in a file, or in all pictures of a sequence; of an address the address."""
+    """What is in a file, or in all pictures of a sequence; of an address what is told of it."""
     if is_url(name):
-        return name
+        return f"{name} {addresses.facts(name)}"
     if os.path.isfile(name):
         return _of_file(name, state)
     return (

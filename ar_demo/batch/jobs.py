@@ -124,13 +124,12 @@ def _job(number: int, said: dict[str, Any], document: Document, keys: Keys) -> J
     }
     folder = document.path.parent.absolute()
     for name, option in options().items():
-        if name in said and option.is_path:
+        if name in said:
             try:
-                said[name] = whole(folder, said[name] if name in MANY else _filled(said[name], names))
+                filled = _filled(said[name], names) if option.is_path and name not in MANY else said[name]
+                said[name] = option.renamed(filled, lambda file: whole(folder, file))
             except InputError as error:
                 raise document.wrong((*keys, name), str(error)) from error
-        elif name == "surface" and name in said:
-            said[name] = [(ad if ad == "-" else whole(folder, ad), corners) for ad, corners in said[name]]
     if "job" in said:
         job = load_job(Path(said["job"]))
         in_job = {name: getattr(job, name) for name in IN_A_JOB}

@@ -1,6 +1,7 @@
 """What a job can say: the options of `ar-replace`, taken from its parser, by the names that the job file has."""
 
 import argparse
+import os
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
@@ -60,6 +61,27 @@ class Option(NamedTuple):
         """Whether it names what is written."""
         return self.name in OUTPUTS
 
+    def renamed(self, value: Any, rename: Callable[[str], str]) -> Any:
+        """The value where each name of a file in it is what `rename` makes of it."""
+        if self.is_path:
+            return rename(value)
+        if self.name == "surface":
+            return [(ad if ad == "-" else rename(ad), corners) for ad, corners in value]
+        if self.name == "find":
+            return [_renamed_pair(text, rename) for text in value]
+        return value
+
+    def files(self, value: Any) -> list[str]:
+        """The names of files in a value."""
+        found: list[str] = []
+
+        def take(name: str) -> str:
+            found.append(name)
+            return name
+
+        self.renamed(value, take)
+        return found
+
     def arguments(self, value: Any) -> list[str]:
         """How a value, as it was checked, is said on the command line."""
         if self.flags:
@@ -88,6 +110,14 @@ def options() -> dict[str, Option]:
         help = (action.help or "").replace("%%", "%")
         found[name] = Option(name, _type(action, flags), found[name].action if name in found else action, flags, help)
     return found
+
+
+def _renamed_pair(text: str, rename: Callable[[str], str]) -> str:
+    """Of PICTURE, or PICTURE=AD."""
+    picture, sign, ad = text.rpartition("=")
+    if not sign or os.path.exists(text if os.path.isabs(text) else rename(text)):
+        return rename(text)
+    return f"{rename(picture)}={rename(ad)}"
 
 
 def command(values: Mapping[str, Any]) -> list[str]:

@@ -38,6 +38,7 @@ class Outcome:
         seconds: wall time. peak_bytes: the most memory that was seen.
         result: what it printed as JSON.
         message: what went wrong, in one sentence.
+        track: content of the batch's own track, where that was made aside.
     """
 
     status: int
@@ -46,6 +47,7 @@ class Outcome:
     peak_bytes: int = 0
     result: dict[str, Any] = field(default_factory=dict)
     message: str = ""
+    track: bytes | None = None
 
     @property
     def is_done(self) -> bool:

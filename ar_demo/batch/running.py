@@ -17,6 +17,7 @@ from .identity import OF_A_TRACK, identity, stamp, track_key
 from .jobs import Job
 from .options import command
 from .process import Outcome
+from .staging import put_content
 from .state import State
 from .task import Task, log_of, result_of
 
@@ -133,6 +134,9 @@ class Batch:
         except InputError as error:
             self._tell(Done(job, "wrong", 0, 0.0, {}, str(error)))
             return
+        except RunError as error:
+            self._tell(Done(job, "failed", 0, 0.0, {}, str(error)))
+            return
         self._state.begin(mine, job.name, _files(job))
         if track is not None and not self._track(track).exists():
             self._making.add(track)
@@ -154,20 +158,23 @@ class Batch:
         for name in ("max_frames", "max_pixels"):
             if (most := _least(values.get(name), getattr(settings, name))) is not None:
                 values[name] = most
-        if begun.track is not None:
-            file = self._track(begun.track)
+        file = None if begun.track is None else self._track(begun.track)
+        if file is not None:
             values.pop("save_track", None)
             if file.exists():
                 values = {name: value for name, value in values.items() if name not in OF_A_TRACK}
             values["track" if file.exists() else "save_track"] = str(file)
         limits = _least(job.time_limit, settings.time_limit), _least(job.memory_limit, settings.memory_limit)
         begun.arguments = command(values)
-        self._running[self._pool.submit(Task(values, job.name, begun.attempt, *limits))] = begun
+        task = Task(values, tuple(job.outputs.values()), begun.attempt, *limits, file)
+        self._running[self._pool.submit(task)] = begun
 
     def _take(self, begun: _Begun, outcome: Outcome) -> None:
         """Takes note of how an attempt ended."""
         begun.seconds += outcome.seconds
         job = begun.job
+        if begun.track is not None and outcome.track is not None:
+            write_whole(self._track(begun.track), outcome.track)
         retries = self._settings.retries if job.retries is None else job.retries
         if outcome.may_be_tried_again and begun.attempt <= retries:
             log.info("%s: %s: trying again", job.name, outcome.message)
@@ -184,8 +191,7 @@ class Batch:
                 return
             except (InputError, RunError, OSError) as error:
                 message = str(error)
-        stamps = {path: stamp(path) for path in _files(job)}
-        self._state.failed(begun.identity, begun.attempt, begun.seconds, message, stamps)
+        self._state.failed(begun.identity, begun.attempt, begun.seconds, message, _stamps(job))
         ending: Ending = "wrong" if outcome.is_wrong_input else "failed"
         self._tell(Done(job, ending, begun.attempt, begun.seconds, outcome.result, message))
 
@@ -193,7 +199,7 @@ class Batch:
         """Writes the rest of what a job that is done writes, and that it is done."""
         job = begun.job
         if begun.track is not None and "save_track" in job.values:
-            write_whole(job.values["save_track"], self._track(begun.track).read_bytes())
+            put_content(self._track(begun.track).read_bytes(), job.values["save_track"])
         report = {
             "identity": begun.identity,
             "command": ["ar-replace", *begun.arguments],
@@ -202,7 +208,7 @@ class Batch:
             "peak_bytes": outcome.peak_bytes,
             "result": outcome.result,
         }
-        write_whole(result_of(job.name), (json.dumps(report, indent=2) + "\n").encode())
+        put_content((json.dumps(report, indent=2) + "\n").encode(), result_of(job.name))
         stamps = {path: stamp(path) for path in _files(job)}
         self._state.done(begun.identity, begun.attempt, begun.seconds, outcome.result, stamps)
 
@@ -218,6 +224,17 @@ class Batch:
 def _files(job: Job) -> list[str]:
     """All that a job writes, with its log and its result."""
     return [*job.outputs.values(), log_of(job.name), result_of(job.name)]
+
+
+def _stamps(job: Job) -> dict[str, str]:
+    """Of what lies under the names of a job's files; of those that cannot be reached '', as of those that are not."""
+    stamps = {}
+    for path in _files(job):
+        try:
+            stamps[path] = stamp(path)
+        except (InputError, RunError):
+            stamps[path] = ""
+    return stamps
 
 
 def _least(*limits: Any) -> Any:

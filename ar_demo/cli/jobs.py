@@ -192,7 +192,7 @@ class Job:
     def files(self) -> list[Path]:
         """The files that are read for it, but for the input: ads, tracks and weights."""
         surfaces = self._entry.surfaces
-        names = [self._entry.tracking.weights, *(n for s in surfaces for n in (s.ad, s.track))]
+        names = [self._entry.tracking.weights, *(n for s in surfaces for n in (s.ad, s.find, s.track))]
         return [self._path.parent / name for name in names if isinstance(name, str)]
 
     def surfaces_with(

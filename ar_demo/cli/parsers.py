@@ -253,6 +253,14 @@ def batch_parser() -> Parser:
     )
     add("--max-frames", type=natural, metavar="N", help="refuse videos and ads that have more frames, in every job")
     add("--max-pixels", type=natural, metavar="N", help="refuse those whose pictures have more pixels, in every job")
+    add(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a Dask cluster whose workers do the jobs, as tcp://host:8786, or its file (default: local)",
+    )
+    add("--resources", metavar="NAME=N", help="of a Dask worker that each job takes, as GPU=1")
+    add("--cache", type=Path, metavar="FOLDER", help="for files from addresses (default: the system's)")
+    add("--cache-size", type=_bytes, metavar="SIZE", help="that they may have together (default: 20GB)")
     add("--state", type=Path, metavar="FOLDER", help="what is done so far, and the summary (default: MANIFEST.batch)")
     add("--quiet", action="store_true", help="no log")
     add("--json", action="store_true", help="print a machine-readable summary")

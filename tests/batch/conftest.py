@@ -35,8 +35,9 @@ def write(tmp_path: Path) -> Write:
 
     def call(*jobs: dict[str, Any], **content: Any) -> Path:
         usual = {"input": "a.mp4", "ad": "b.png", "quad": QUAD, "output": "out/{number}.mp4"}
+        said = [usual | {"start": number} | job for number, job in enumerate(jobs)]  # so that each has its own track
         file = tmp_path / "jobs.json"
-        file.write_text(json.dumps({"version": 1, "jobs": [usual | job for job in jobs]} | content))
+        file.write_text(json.dumps({"version": 1, "jobs": said} | content))
         return file
 
     return call
@@ -47,7 +48,7 @@ def begun(tmp_path: Path) -> Callable[[], list[str]]:
     """The outputs that the stand-in began, since this was last asked."""
 
     def call() -> list[str]:
-        file = tmp_path / "out" / "begun.txt"
+        file = tmp_path / "begun.txt"
         names = file.read_text().split() if file.exists() else []
         file.unlink(missing_ok=True)
         return names

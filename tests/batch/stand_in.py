@@ -18,11 +18,12 @@ def end_with_parent() -> None:
 
 Thread(target=end_with_parent, daemon=True).start()
 words = [word for word in sys.argv[1:] if not word.startswith("--")]
-given = dict(word[2:].split("=", 1) for word in sys.argv[1:] if word.startswith("--") and "=" in word)
+given = {word[2:].partition("=")[0]: word.partition("=")[2] for word in sys.argv[1:] if word.startswith("--")}
 output, (codec, _, seconds) = given["output"], given.get("codec", "").partition(":")
-with open(os.path.dirname(output) + "/begun.txt", "a") as file:
+notes = os.path.dirname(words[0]) + "/begun.txt"
+with open(notes, "a") as file:
     file.write(os.path.basename(output) + "\n")
-with open(os.path.dirname(output) + "/begun.txt") as file:
+with open(notes) as file:
     tries = file.read().split().count(os.path.basename(output))
 if codec == "wrong":
     print("error: that cannot be", file=sys.stderr)
@@ -37,8 +38,11 @@ if codec == "memory":
     held[:] = bytes([1]) * len(held)
 time.sleep(float(seconds or 0.05))
 with open(output + ".part", "w") as file:
-    for word in words:
+    for word in [*words, *([given["track"]] if "track" in given and codec == "tracked" else [])]:
         with open(word) as source:
             file.write(source.read() + "\n")
 os.replace(output + ".part", output)
+if "save-track" in given and codec == "tracked":
+    with open(given["save-track"], "w") as file:
+        file.write("a track")
 print(json.dumps({"output": output, "states": {"tracked": 3, "lost": 1}, "warnings": ["<odd> & \x01"]}))

@@ -39,6 +39,7 @@ def test_inside_the_root_all_is_well(run: Run, write: Write, tmp_path: Path) -> 
         {"input": "*/secret.png"},
         {"input": "shot"},
         {"surface": [["link.png", QUAD]]},
+        {"find": ["b.png=link.png"]},
     ],
 )
 def test_what_leads_out_of_the_root_is_refused(

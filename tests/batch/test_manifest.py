@@ -204,6 +204,13 @@ def test_every_option_can_be_said(tmp_path: Path) -> None:
             assert name in vars(replace_parser().parse_args(job.arguments)), name
 
 
+def test_pictures_to_find_and_their_ads_are_files(tmp_path: Path) -> None:
+    (tmp_path / "a=b.png").touch()
+    [job] = jobs_of(tmp_path, {"jobs": [{"input": "a.mp4", "find": ["p.png=ad.mp4", "a=b.png", "c.png"]}]})
+    found = [word.partition("=")[2] for word in job.arguments if word.startswith("--find")]
+    assert found == [f"{tmp_path}/p.png={tmp_path}/ad.mp4", f"{tmp_path}/a=b.png", f"{tmp_path}/c.png"]
+
+
 def test_names_cannot_become_options(tmp_path: Path) -> None:
     [job] = jobs_of(tmp_path, {"jobs": [{"input": "--overwrite", "ad": "-o", "codec": "--json", "output": "--x.mp4"}]})
     given = replace_parser().parse_args(job.arguments)
