@@ -48,10 +48,10 @@ def heading(title: str, lines: Sequence[str], verdict: Verdict) -> str:
     )
 
 
-def of_track(track: Track, name: str, number: int, limits: Limits, look: Look | None) -> str:
-    """A section on one surface."""
+def of_track(track: Track, name: str, number: int, surfaces: int, limits: Limits, look: Look | None) -> str:
+    """A section on one of so many surfaces."""
     parts = [f"<h2>{escape(name)}</h2>", items(summary(track, look))]
-    parts += ["<h3>Over time</h3>", timeline(track, number, limits, look)]
+    parts += ["<h3>Over time</h3>", timeline(track, number, surfaces, limits, look)]
     if look is not None and look.strip:
         parts += [
             "<h3>The surface, standing still</h3>",

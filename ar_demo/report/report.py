@@ -113,7 +113,7 @@ class Report:
         parts = [heading(title, [about], self.verdict)]
         for number, track in enumerate(self.tracks, 1):
             seen = self.looks[number - 1] if self.looks else None
-            parts.append(of_track(track, self._name(number), number, self.verdict.limits, seen))
+            parts.append(of_track(track, self._name(number), number, len(self.tracks), self.verdict.limits, seen))
         parts.append(before_and_after(self.pairs))
         if self.warnings:
             parts.append(f"<section><h2>Warnings</h2>{items(self.warnings)}</section>")

@@ -16,13 +16,16 @@ from .looking import Look
 from .plots import plot
 from .series import Series, series_of
 
-MOST_POINTS = 1500  # of a plot; in a longer track several frames share one
+MOST_POINTS, PAGE_POINTS = (
+    1500,
+    6000,
+)  # of a plot, and of one of each surface; of a longer track several frames share one
 
 
-def timeline(track: Track, number: int, limits: Limits, look: Look | None) -> str:
-    """Of a surface; number: of the surface, for the ids of its page."""
+def timeline(track: Track, number: int, surfaces: int, limits: Limits, look: Look | None) -> str:
+    """Of one of so many surfaces; its number is for the ids of the page."""
     low, n = track.first, track.last + 1 - track.first
-    each = -(-n // MOST_POINTS)
+    each = -(-n // max(1, min(MOST_POINTS, PAGE_POINTS // surfaces)))
     series = series_of(track, limits, look)
     points = [one.points(each) for one in series]
     cuts = [(cut - low) / each for cut in track.cuts if low < cut < low + n]
