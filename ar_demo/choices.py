@@ -6,6 +6,9 @@ Fit = Literal["stretch", "contain", "cover"]
 Playback = Literal["loop", "hold", "once"]
 Blend = Literal["normal", "multiply", "screen", "overlay", "soft-light", "add"]
 Grain = Literal["auto", "off"]
+Softness = Literal["auto", "off"]
+FirstLight = Literal["auto", "even"]
+SurfaceKind = Literal["print", "screen"]
 Lost = Literal["hold", "fade", "hide"]
 Effect = Literal["replace", "mosaic", "blur", "outline"]
 AudioMode = Literal["source", "ad", "mix", "none"]
@@ -36,6 +39,9 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "playback": get_args(Playback),
     "blend": get_args(Blend),
     "grain": get_args(Grain),
+    "softness": get_args(Softness),
+    "first_light": get_args(FirstLight),
+    "surface_kind": get_args(SurfaceKind),
     "lost": get_args(Lost),
     "effect": get_args(Effect),
     "audio": get_args(AudioMode),

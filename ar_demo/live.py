@@ -174,8 +174,15 @@ class _Target:
             self.tracker.init(seen, quad, self.surface.tracking_region)
             self.started, self._opacity = elapsed, 1.0
             if self.surface.in_scene:
-                grain = self.surface.grain == "auto"
-                self._appearance = Appearance(frame.image, quad, shared_matte(), self.surface.shutter, grain)
+                self._appearance = Appearance(
+                    frame.image,
+                    quad,
+                    shared_matte(),
+                    self.surface.shutter,
+                    grain=self.surface.grain == "auto",
+                    softness=self.surface.softness == "auto",
+                    shines=self.surface.surface_kind == "screen",
+                )
         if cut:
             self.tracker.lose()
             self._opacity = 0.0

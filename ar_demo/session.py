@@ -30,11 +30,12 @@ from .media.threads import ahead, behind
 from .media.writer import VideoWriter
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, Stage, silent
-from .rendering.loop import Frames, Renderer, run_up
+from .rendering.loop import Renderer, run_up
 from .rendering.outputs import Outputs, OutputWriters
 from .rendering.painting import check_ad
 from .rendering.preview import Preview
 from .rendering.steady import SteadyView
+from .rendering.study import Frames
 from .results import Plan, Result, total
 from .stopping import StopSignal
 from .surface import FIRST, Moment, Span, Surface

@@ -14,15 +14,15 @@ from hdn.alignment.snapping import snap
 from hdn.imaging.arrays import Array
 from hdn.imaging.regions import Region
 
-from .choices import CHOICES, Blend, Effect, Fit, Grain, Lost, Playback
+from .choices import CHOICES, Blend, Effect, FirstLight, Fit, Grain, Lost, Playback, Softness, SurfaceKind
 from .errors import InputError
 from .tracks import Track
 
 log = logging.getLogger(__name__)
 
 # What an effect that is made from the surface itself has no use for.
-ADS_ALONE = ("ad", "fit", "playback", "flat", "shutter", "grain")
-IN_SCENE_ALONE = ("shutter", "grain")
+ADS_ALONE = ("ad", "fit", "playback", "flat", "shutter", "grain", "softness", "first_light", "surface_kind")
+IN_SCENE_ALONE = ("shutter", "grain", "softness", "first_light", "surface_kind")
 
 
 @dataclass(frozen=True)
@@ -182,12 +182,19 @@ class Surface:
             but 'normal' the light is the surface's own.
         opacity: 0..1.
         feather: px of the frame over which the ad's edge fades.
+        inset: px of the reference frame that the ad stays within the quad, to each side.
+        radius: px of that frame, of the ad's rounded corners.
         lost: what the ad does while the surface is lost.
         effect: what is drawn; all but 'replace' are made from the surface itself.
         flat: whether an ad is laid on as it is, over all, and not lit, blurred and hidden as the surface is.
         shutter: degrees, 0 to 360, of each frame that the camera's shutter is open, by which an ad in motion is blurred
             along its way; None tells it by the surface's own streaks.
         grain: whether an ad gets the grain of the video.
+        softness: whether it gets the softness of the video's lens, focus and codec; 'off' leaves it as sharp as it is
+            where the surface is as sharp as in the reference frame.
+        first_light: whether shadows and glare that lie on the surface in the reference frame fall on it as well; 'even'
+            takes that frame to be lit evenly.
+        surface_kind: 'print', which light falls on, or 'screen', which shines by itself and mirrors what is before it.
 
     Raises:
         InputError: a value that is not allowed, or one that cannot apply beside another.
@@ -207,11 +214,16 @@ class Surface:
     blend: Blend = "normal"
     opacity: float = 1.0
     feather: float = 0.0
+    inset: float = 0.0
+    radius: float = 0.0
     lost: Lost = "fade"
     effect: Effect = "replace"
     flat: bool = False
     shutter: float | None = None
     grain: Grain = "auto"
+    softness: Softness = "auto"
+    first_light: FirstLight = "auto"
+    surface_kind: SurfaceKind = "print"
 
     @property
     def in_scene(self) -> bool:
@@ -249,7 +261,8 @@ class Surface:
         check_choices(self)
         if not 0 <= self.opacity <= 1:
             raise InputError(f"opacity {self.opacity} is out of range: give 0 to 1")
-        check_not_negative("feather", self.feather)
+        for name in ("feather", "inset", "radius"):
+            check_not_negative(name, getattr(self, name))
         for name in ("flat", "snap"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name} '{getattr(self, name)}' is neither true nor false: give one of these")
@@ -267,6 +280,8 @@ class Surface:
             for name in ("quad", "start", "region", "exclude", "keyframes", "track"):
                 if getattr(self, name) is not _DEFAULTS[name]:
                     raise InputError(f"{name} does nothing beside find, which says where the surface is: leave one out")
+        if self.effect == "outline" and (self.inset or self.radius):
+            raise InputError("inset and radius do nothing with effect outline, which is the quad's own: leave them out")
         if self.track is not None:
             for name in ("quad", "snap", "start", "region", "exclude"):
                 if getattr(self, name) is not _DEFAULTS[name]:

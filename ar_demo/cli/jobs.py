@@ -28,7 +28,23 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from ..choices import Alpha, AudioMode, Backend, Blend, Depth, Device, Effect, Fit, Grain, KeptStreams, Lost, Playback
+from ..choices import (
+    Alpha,
+    AudioMode,
+    Backend,
+    Blend,
+    Depth,
+    Device,
+    Effect,
+    FirstLight,
+    Fit,
+    Grain,
+    KeptStreams,
+    Lost,
+    Playback,
+    Softness,
+    SurfaceKind,
+)
 from ..errors import InputError
 from ..frame_range import FrameRange
 from ..importing.loading import load_track
@@ -69,11 +85,16 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     blend: Blend | UnsetType = UNSET
     opacity: Annotated[float, Meta(ge=0, le=1)] | UnsetType = UNSET
     feather: NotNegative | UnsetType = UNSET
+    inset: NotNegative | UnsetType = UNSET
+    radius: NotNegative | UnsetType = UNSET
     lost: Lost | UnsetType = UNSET
     effect: Effect | UnsetType = UNSET
     flat: bool | UnsetType = UNSET
     shutter: Annotated[float, Meta(ge=0, le=360)] | UnsetType | None = UNSET
     grain: Grain | UnsetType = UNSET
+    softness: Softness | UnsetType = UNSET
+    first_light: FirstLight | UnsetType = UNSET
+    surface_kind: SurfaceKind | UnsetType = UNSET
 
     def surface(
         self,

@@ -57,7 +57,6 @@ def replace_parser() -> Parser:
     )
     add("ad", nargs="?", help="video, image or animated image; not needed by some effects")
     add("-o", "--output", help="video to write (default: INPUT.ar.mp4 beside the input)")
-    add("--pick", action="store_true", help="do it all on a page in the browser, as ar-studio does")
     add("--save-track", type=Path, metavar="JSON", help="also write the track; of several NAME.1.json ...")
     add(
         "--layer",
@@ -96,6 +95,8 @@ def replace_parser() -> Parser:
     add("--blend", choices=CHOICES["blend"], help="how its colours mix with the surface's (default: normal)")
     add("--opacity", type=float, metavar="0..1")
     add("--feather", type=float, metavar="PX", help="soft edge, px of the frame")
+    add("--inset", type=float, metavar="PX", help="keep the ad so far within the quad, px of the quad's frame")
+    add("--radius", type=float, metavar="PX", help="of rounded corners, px of the quad's frame")
     add("--lost", choices=CHOICES["lost"], help="the ad while the surface is lost (default: fade)")
     add("--flat", action="store_true", help="lay the ad on as it is: not lit, blurred and hidden as the surface is")
     add(
@@ -105,6 +106,13 @@ def replace_parser() -> Parser:
         help="degrees of 360 that the camera's shutter is open, for blur along the motion; 0 for none (default: auto)",
     )
     add("--grain", choices=CHOICES["grain"], help="the video's grain on the ad (default: auto)")
+    add("--softness", choices=CHOICES["softness"], help="the video's softness on the ad (default: auto)")
+    add(
+        "--first-light",
+        choices=CHOICES["first_light"],
+        help="shadows and glare of the quad's own frame: told from the video, or taken for none (default: auto)",
+    )
+    add("--surface-kind", choices=CHOICES["surface_kind"], help="a screen shines by itself (default: print)")
     add("--effect", choices=CHOICES["effect"], help="all but replace need no ad")
     add = parser.add_argument_group("the output").add_argument
     add("--audio", choices=CHOICES["audio"], help="whose sound (default: source)")

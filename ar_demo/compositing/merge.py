@@ -28,6 +28,7 @@ class BlurModel:
     """How a layer is blurred."""
 
     least_variance: float = 0.05  # px^2 of the frame, below which blur is not seen
+    fine_variance: float = 0.5  # px^2, up to which a pixel and its neighbours make a blur alike in all directions
     added_variance: float = 0.2  # px^2, in all directions: a thinner Gaussian would fall between the pixels
     reach: float = 3.0  # standard deviations, after which next to nothing is left of a Gaussian
 
@@ -80,14 +81,32 @@ def blurred_layer(layer: Layer, covariance: Array, frame_shape: tuple[int, int])
     """A layer blurred by a covariance (2, 2), px^2, colour and alpha alike; it grows by the blur's reach."""
     if np.linalg.eigvalsh(covariance).max() <= BLUR.least_variance:
         return layer
+    fine = covariance[0, 0] if np.ptp(np.linalg.eigvalsh(covariance)) < BLUR.least_variance else np.inf
+    if fine <= BLUR.fine_variance:
+        return _softened(layer, float(fine), frame_shape)
     reach = int(np.ceil(BLUR.reach * np.sqrt(np.linalg.eigvalsh(covariance).max())))
+    box, rgba = _enlarged(layer, reach, frame_shape)
+    return Layer(box, blurred(rgba, covariance + BLUR.added_variance * np.eye(2)))
+
+
+def _softened(layer: Layer, variance: float, frame_shape: tuple[int, int]) -> Layer:
+    """A layer blurred within a pixel and its neighbours, by a kernel of this variance, px^2."""
+    box, rgba = _enlarged(layer, 1, frame_shape)
+    kernel = np.array([variance / 2, 1 - variance, variance / 2], np.float32)
+    return Layer(
+        box, np.asarray(cv2.sepFilter2D(rgba, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
+    )
+
+
+def _enlarged(layer: Layer, reach: int, frame_shape: tuple[int, int]) -> tuple[Box, Floats]:
+    """A layer's box and premultiplied RGBA, 0..1, with so many px more to each side, within the frame."""
     rows, columns = layer.box
     top, left = max(rows.start - reach, 0), max(columns.start - reach, 0)
     bottom, right = min(rows.stop + reach, frame_shape[0]), min(columns.stop + reach, frame_shape[1])
     rgba = np.zeros((bottom - top, right - left, 4), np.float32)
     inner = rgba[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
     inner[:] = in_float(layer.rgba)
-    return Layer(as_box(left, top, right, bottom), blurred(rgba, covariance + BLUR.added_variance * np.eye(2)))
+    return as_box(left, top, right, bottom), rgba
 
 
 def _tiles(layer: Layer) -> Iterator[tuple[Box, Image | Floats]]:

@@ -83,7 +83,9 @@ def evaluate_own(clip: Sequence, weights: Path | None, out: Path | None = None) 
             last = Moment(frame=min(len(clip.truth), len(reader.times)) - 1)
         write_picture(picture, taken(np.asarray(first, np.uint8), clip.quad))
         tracking = TrackingOptions(end=last, weights=weights)
-        replace(clip.source, Surface(picture, clip.quad), composite, tracking, LOSSLESS, save_track=saved)
+        # The picture has its frame's light and softness already.
+        surface = Surface(picture, clip.quad, softness="off", first_light="even")
+        replace(clip.source, surface, composite, tracking, LOSSLESS, save_track=saved)
         track = Track.load(saved)
         frames, views = np.full((len(track), 5), np.nan), []
         worst: tuple[float, Image] | None = None

@@ -1,6 +1,6 @@
 """The render loop: ads onto their tracked surfaces, frame by frame."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace as changed
 from fractions import Fraction
@@ -17,12 +17,12 @@ from ..compositing.separation import Insert
 from ..errors import InputError
 from ..media.reader import Frame, VideoReader
 from ..scene.conditions import Appearance, Conditions
+from ..scene.first_light import FirstLight
 from ..surface import Surface
 from ..tracks import Track
 from .painting import Painter
 from .presentation import presentation
-
-Frames = Callable[[int, int], Iterable[Frame]]
+from .study import Frames, first_lights
 
 RUN_UP_FRAMES = 50  # before a part of a video, of which its light, grain and shutter are known
 
@@ -40,7 +40,13 @@ class _Drawn:
     """
 
     def __init__(
-        self, surface: Surface, track: Track, reader: VideoReader, compositor: Compositor, frames: Frames
+        self,
+        surface: Surface,
+        track: Track,
+        first_light: FirstLight | None,
+        reader: VideoReader,
+        compositor: Compositor,
+        frames: Frames,
     ) -> None:
         self.track = track
         self.painter = Painter(surface, track.quad, (reader.info.width, reader.info.height), compositor)
@@ -50,8 +56,16 @@ class _Drawn:
         if surface.in_scene:
             at = track.reference_frame
             for frame in frames(at, at + 1):
-                grain = surface.grain == "auto"
-                self._appearance = Appearance(frame.image, track.quad, shared_matte(), surface.shutter, grain)
+                self._appearance = Appearance(
+                    frame.image,
+                    track.quad,
+                    shared_matte(),
+                    surface.shutter,
+                    grain=surface.grain == "auto",
+                    softness=surface.softness == "auto",
+                    first_light=first_light,
+                    shines=surface.surface_kind == "screen",
+                )
 
     def conditions(self, index: int, image: Image) -> Conditions | None:
         """Under which the surface is seen in a frame (H, W, 3) of this index; None where nothing is told."""
@@ -75,6 +89,18 @@ class _Drawn:
         return self.painter.draw(frame.image, pose, opacity, after, conditions, cover, frame.hdr)
 
 
+def _track(surface: Surface) -> Track:
+    if surface.track is None:
+        raise InputError("a surface has no track yet: track it first")
+    return surface.track
+
+
+def _told(surface: Surface) -> Track | None:
+    """The track of a surface whose first view's light is to be told; None where it is not."""
+    lit = surface.in_scene and surface.first_light == "auto" and surface.blend == "normal"
+    return _track(surface) if lit else None
+
+
 class Renderer(AbstractContextManager["Renderer"]):
     """Draws ads onto the tracked surfaces of a video; later ones lie over earlier ones."""
 
@@ -94,10 +120,10 @@ class Renderer(AbstractContextManager["Renderer"]):
         self._drawn: list[_Drawn] = []
         with ExitStack() as opened:  # closed where one of them fails
             self._compositor = opened.enter_context(open_compositor(backend))
-            for surface in surfaces:
-                if surface.track is None:
-                    raise InputError("a surface has no track yet: track it first")
-                drawn = _Drawn(surface, surface.track, reader, self._compositor, frames or reader.frames)
+            frames = frames or reader.frames
+            lights = first_lights(str(reader.path), frames, [_told(surface) for surface in surfaces])
+            for surface, light in zip(surfaces, lights, strict=True):
+                drawn = _Drawn(surface, _track(surface), light, reader, self._compositor, frames)
                 opened.enter_context(drawn.painter)
                 self._drawn.append(drawn)
             self._opened = opened.pop_all()

@@ -9,7 +9,7 @@ import numpy as np
 
 from hdn.imaging.arrays import Array, Box, Floats, Grey, Picture
 from hdn.imaging.homography import from_corners
-from hdn.imaging.quads import outline
+from hdn.imaging.quads import mean_size, outline
 
 from ..compositing.compositor import Compositor
 from ..compositing.effects import outlined, texture
@@ -18,6 +18,7 @@ from ..compositing.layer import Frame, Layer, in_float
 from ..compositing.merge import blurred_layer, merge
 from ..compositing.raster import WHOLE
 from ..compositing.streak import smeared
+from ..compositing.trim import inset_pose, rounded
 from ..errors import InputError
 from ..hdr import Hdr
 from ..media.ad import Ad, open_ad
@@ -48,8 +49,15 @@ class Painter(AbstractContextManager["Painter"]):
             compositor: what draws; it may serve other surfaces too, and is not closed here.
 
         Raises:
-            InputError: no ad, or not one that can be read.
+            InputError: no ad, or not one that can be read; an inset or radius that leaves nothing.
         """
+        self._size = mean_size(quad)
+        room = float(self._size.min()) / 2
+        if surface.inset >= room or surface.radius > room - surface.inset:
+            raise InputError(
+                f"an inset of {surface.inset:g} px and a radius of {surface.radius:g} px do not go into a surface "
+                f"{2 * room:.0f} px wide: give less"
+            )
         if surface.effect == "replace" and surface.ad is None:
             raise InputError(NO_AD)
         self.surface = surface
@@ -58,7 +66,8 @@ class Painter(AbstractContextManager["Painter"]):
         self._region = WHOLE
         if surface.effect == "replace" and surface.ad is not None:
             self._ad = open_ad(surface.ad, surface.playback)
-            self._region = fit_region(surface.fit, self._ad.width / self._ad.height, quad_aspect(quad, size))
+            inner = inset_pose(quad, self._size, surface.inset)
+            self._region = fit_region(surface.fit, self._ad.width / self._ad.height, quad_aspect(inner, size))
         self._lit: tuple[Picture, Light, Floats] | None = None  # a picture, a light, and the picture in this light
 
     def draw(
@@ -103,14 +112,23 @@ class Painter(AbstractContextManager["Painter"]):
         size = image.shape[1], image.shape[0]
         if self.surface.effect == "outline":
             return outlined(pose, size)
+        inner = inset_pose(pose, self._size, self.surface.inset)
         if self._ad is None:
-            return self._compositor.draw(texture(self.surface.effect, image, pose), pose, size)
+            layer = self._compositor.draw(texture(self.surface.effect, image, inner), inner, size)
+            return self._rounded(layer, inner)
         picture: Picture | None = self._ad.at(time)
         if picture is None:
             return None
         if light is not None:
             picture = self._in_light(picture, pose, light)
-        return self._compositor.draw(picture, pose, size, self._region, self.surface.feather)
+        layer = self._compositor.draw(picture, inner, size, self._region, self.surface.feather)
+        return self._rounded(layer, inner)
+
+    def _rounded(self, layer: Layer | None, pose: Array) -> Layer | None:
+        """A layer at a pose, that of what the inset leaves, with rounded corners."""
+        if layer is None:
+            return None
+        return rounded(layer, pose, self._size - 2 * self.surface.inset, self.surface.radius, self.surface.feather)
 
     def _as_seen(self, layer: Layer, pose: Array, conditions: Conditions, frame_shape: tuple[int, int]) -> Layer:
         """A layer at a pose (4, 2), through the camera: moved while the shutter is open, out of focus, with grain."""
@@ -153,14 +171,9 @@ class Painter(AbstractContextManager["Painter"]):
 def grained(layer: Layer, grain: Grain) -> Layer:
     """A layer with grain on it."""
     rgba = in_float(layer.rgba)
-    colour, alpha = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), cv2.extractChannel(rgba, 3)
-    each = cv2.cvtColor(alpha, cv2.COLOR_GRAY2RGB)
-    noise = cv2.multiply(grain.on(colour), each)
-    cv2.add(colour, noise, dst=colour)
-    cv2.min(cv2.max(colour, 0.0, dst=colour), each, dst=colour)
-    out = np.empty_like(rgba)
-    cv2.mixChannels([colour, alpha], [out], [0, 0, 1, 1, 2, 2, 3, 3])
-    return Layer(layer.box, out)
+    colour, alpha = np.ascontiguousarray(rgba[..., :3]), rgba[..., 3:]
+    noise = grain.on(colour)
+    return Layer(layer.box, np.concatenate([np.clip(colour + noise * alpha, 0, alpha), alpha], axis=2))
 
 
 def lit(picture: Picture, light: Light) -> Floats:

@@ -17,7 +17,8 @@ from ..surface import FIRST, Surface
 from ..tracking.moments import index_of
 from ..tracking.solution import blank
 from ..tracks import Source
-from .loop import Frames, Renderer
+from .loop import Renderer
+from .study import Frames
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,13 @@ from hdn.plane.occlusion import Occlusion
 
 from . import light as relighting
 from . import occlusion
+from .first_light import FirstLight
 from .grain import Grain, GrainMeter
-from .light import GRID, Light, grey
+from .light import FINE, GRID, Light, grey
 from .occlusion import Occluder, Outline
 from .shading import shading
 from .shutter import Shutter
+from .softness import SoftnessMeter
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,8 @@ class Conditions:
     Attributes:
         light: on a picture on the surface.
         occluder: what hides it; None for nothing.
-        blur: (2, 2) px^2 of the frame, covariance of the Gaussian that the surface is blurred by, but for its motion.
+        blur: (2, 2) px^2 of the frame, covariance of the Gaussian that a picture on the surface is blurred by, but for
+            its motion.
         way: (4, 2) px, of its corners while the shutter is open.
         grain: what lies on the frame; None for nothing.
     """
@@ -90,14 +93,24 @@ class Appearance:
     """Compares a surface in frame after frame with the reference frame."""
 
     def __init__(
-        self, reference: Image, quad: Array, matte: Matte, shutter: float | None = None, grain: bool = True
+        self,
+        reference: Image,
+        quad: Array,
+        matte: Matte,
+        shutter: float | None = None,
+        grain: bool = True,
+        softness: bool = True,
+        first_light: FirstLight | None = None,
+        shines: bool = False,
     ) -> None:
         """Args:
         reference: (H, W, 3) the frame that shows the surface as it is.
         quad: (4, 2) its corners there, px.
         matte: tells the surface from what hides it; several surfaces may share one.
         shutter: degrees that it is open; None tells it by streaks.
-        grain: whether it is measured.
+        grain, softness: whether they are measured.
+        first_light: on the surface in the reference frame; None for even light.
+        shines: whether the surface shines by itself, as a screen.
         """
         size = mean_size(quad)
         size *= min(1.0, MODEL.longest_px / size.max())
@@ -107,12 +120,20 @@ class Appearance:
         self._window = relighting.window_px(max(self._width, self._height))  # px of the halved crop
         self._quad, self._exposure = quad, relighting.exposure(reference)
         self._reference = _Box(reference, quad)
+        if shines and first_light is not None:
+            first_light = first_light.mirrored
+        self._staying = None if first_light is None else first_light.staying.resized(FINE, FINE)
+        if first_light is not None:  # what goes away is no part of what is compared
+            grid_to_box = self._reference.to_box @ from_corners(outline(GRID, GRID), quad)
+            height, width = self._reference.image.shape[:2]
+            self._reference.image = first_light.moving.over(grid_to_box, (width, height)).off(self._reference.image)
         self._template, _ = self._rectify(self._reference, quad)
         self._small_template = self._halved(grey(self._template))
         self._towards_edge = cv2.createHanningWindow(self._small_template.shape[::-1], cv2.CV_32F)
         self._occlusion = Occlusion(matte, Observation(reference), quad, Matte.size, framed=True)
-        self._degrees = shutter
+        self._degrees, self._shines = shutter, shines
         self._grain = GrainMeter() if grain else None
+        self._softness = SoftnessMeter() if softness else None
         self.forget()
 
     def forget(self) -> None:
@@ -120,6 +141,8 @@ class Appearance:
         self._light: Light | None = None
         self._lost = False
         self._shutter = Shutter(self._degrees)
+        if self._softness is not None:
+            self._softness.forget()
         if self._grain is not None:
             self._grain.forget()
 
@@ -141,7 +164,8 @@ class Appearance:
         self._lost = True
         grain = self._grain.missed() if self._grain is not None else None
         light = self._exposed(self._light or relighting.as_it_was())
-        return Conditions(light, None, np.zeros((2, 2)), STILL, grain)
+        soft = self._softness.variance if self._softness is not None else 0.0
+        return Conditions(light, None, soft * np.eye(2), STILL, grain)
 
     def see(self, frame: Image, pose: Array, deviation: float, motion: Array = STILL) -> Conditions:
         """The conditions in a frame (H, W, 3) in which the surface has the corners `pose` (4, 2).
@@ -173,7 +197,7 @@ class Appearance:
         small_view, small_template, small_usable = (
             self._halved(x, max(slack, MODEL.light_blur_px)) for x in (view, template, usable)
         )
-        light = relighting.measure(small_view, small_template, small_usable, self._light)
+        light = relighting.measure(small_view, small_template, small_usable, self._light, self._shines)
         self._light = relighting.follow(self._light, light, 1 / (1 + slack * slack))
         light = self._shaded(self._light, view, template, unsaturated / np.float32(255) * inside * (1 - hidden), slack)
         blur_in_frame = scale @ _worth(blur) @ scale.T
@@ -182,6 +206,9 @@ class Appearance:
         if hidden.any():
             in_all = blur_in_frame + scale @ streak @ scale.T
             occluder = self._cut_out(Outline.of(hidden, view), frame, pose, in_all, light)
+        if self._softness is not None:  # want of focus that both tell counts once
+            more = self._softness.see(frame, pose) - float(np.linalg.eigvalsh(blur_in_frame).min())
+            blur_in_frame = blur_in_frame + max(more, 0.0) * np.eye(2)
         return Conditions(self._exposed(light), occluder, blur_in_frame, way, grain)
 
     def _rectify(self, part: "_Box", pose: Array) -> tuple[Floats, Grey]:
@@ -239,7 +266,7 @@ class Appearance:
 
     def _shaded(self, light: Light, view: Floats, template: Floats, usable: Grey, slack: float) -> Light:
         """The light, with the shadows on a view of the surface whose edges are sharper than it knows."""
-        if slack > BLUR.max_slack_px:
+        if slack > BLUR.max_slack_px or self._shines:
             return light
         seen, own, trust = (self._halved(x) for x in (view, template, usable))
         light_here = light.resized(*own.shape[1::-1])
@@ -278,7 +305,9 @@ class Appearance:
         return np.asarray(cv2.GaussianBlur(half, (0, 0), slack / 2) if slack else half, np.float32)
 
     def _exposed(self, light: Light) -> Light:
-        # A picture that is drawn has no gloss that could be missing.
+        """The light on a picture: what stays of the first view's is on it as well, and no gloss can be missing."""
+        if self._staying is not None:
+            light = self._staying.under(light.resized(FINE, FINE))
         return Light(light.gain * np.float32(self._exposure), np.maximum(light.gloss, 0))
 
     def _cut_out(self, outline: Outline, frame: Image, pose: Array, blur: Array, light: Light) -> Occluder | None:

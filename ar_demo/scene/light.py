@@ -52,6 +52,7 @@ class LightModel:
     # Drawing.
     smooth_px: int = 8  # over which light on a grid of GRID cells does not change much
     min_gloss: float = 0.002  # less is not drawn
+    clipped_grey: int = 250  # from which a pixel does not tell how bright it is
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,18 @@ class Light:
             cv2.max(light, 0.0, dst=light)
         return np.asarray(cv2.sqrt(light, dst=light), np.float32)
 
+    def under(self, later: "Light") -> "Light":
+        """The light when it has changed by a later one, on the same grid, which is told against it."""
+        return Light(self.gain * later.gain, later.gloss + self.gloss * later.gain.mean(2))
+
+    def off(self, picture: Image) -> Image:
+        """The picture (h, w, 3) that looks like this in the light, of as many pixels; what is clipped stays so."""
+        light = cv2.multiply(picture, picture, dtype=cv2.CV_32F)
+        light -= (self.gloss * np.float32(255.0**2))[..., None]
+        plain = np.sqrt(np.maximum(light, 0) / self.gain)
+        clipped = picture >= MODEL.clipped_grey
+        return np.where(clipped, picture, np.minimum(plain + 0.5, 255)).astype(np.uint8)
+
     def differs(self, other: "Light") -> float:
         """The largest difference to another light, in shares of white's grey level."""
         if self.gain.shape != other.gain.shape:
@@ -146,7 +159,7 @@ def exposure(frame: Image) -> float:
     return float(np.interp(brightest, [0, dark, usual], [0, dark / EXPOSURE.white_grey, 1])) ** 2
 
 
-def measure(view: Floats, template: Floats, trust: Grey, last: Light | None) -> Light:
+def measure(view: Floats, template: Floats, trust: Grey, last: Light | None, shines: bool = False) -> Light:
     """The light by which a view of the surface differs from the template, each (h, w, 3) and aligned.
 
     Fitted again and again to what fits, with ever less allowance, so that neither an occluder nor a shadow's edge
@@ -155,6 +168,7 @@ def measure(view: Floats, template: Floats, trust: Grey, last: Light | None) -> 
     Args:
         trust: (h, w) 0..1, how far each pixel of the view can be believed to show the surface.
         last: the light in the frame before; None where it is not known.
+        shines: whether the surface shines by itself, as a screen: no shadow falls on it, so that it has one gain.
     """
     light = as_it_was() if last is None else last
     seen, own = (cv2.multiply(x, x, scale=1 / 255**2) for x in (view, template))
@@ -166,7 +180,7 @@ def measure(view: Floats, template: Floats, trust: Grey, last: Light | None) -> 
         worst = cv2.max(cv2.max(error[..., 0], error[..., 1]), error[..., 2])
         usual = MODEL.expected_error_share * grey(expected) + MODEL.expected_error_grey
         weights = trust * tukey(worst / (allowance * usual))
-        light = _fit(seen, own, weights, light)
+        light = _fit(seen, own, weights, light, shines)
     return light
 
 
@@ -208,7 +222,7 @@ def _change(view: Floats, expected: Floats, trust: Grey) -> float:
     return float(ratio[order][np.searchsorted(mass, mass[-1] / 2)]) ** 2 if mass[-1] > 1 else 1.0
 
 
-def _fit(seen: Floats, own: Floats, weights: Grey, before: Light) -> Light:
+def _fit(seen: Floats, own: Floats, weights: Grey, before: Light, shines: bool) -> Light:
     """Least squares of seen = gain own + gloss, light (h, w, 3), from coarse to fine.
 
     Where a cell tells little, what the larger part around it tells counts, and a gain rather than a gloss.
@@ -230,7 +244,10 @@ def _fit(seen: Floats, own: Floats, weights: Grey, before: Light) -> Light:
         p, q = xx_ + MODEL.gain_prior * square, w_ + MODEL.gloss_prior
         r, s = xy_ + MODEL.gain_prior * square * above[0], y_ + MODEL.gloss_prior * above[1]
         determinant = p * q - x_ * x_
-        gain, gloss = (r * q - s * x_) / determinant, (p * s - x_ * r) / determinant
+        if shines and n > 1:
+            gain, gloss = above[0], (s - x_ * above[0]) / q
+        else:
+            gain, gloss = (r * q - s * x_) / determinant, (p * s - x_ * r) / determinant
         gain, gloss = np.clip(gain, *MODEL.gain_range), np.clip(gloss, -MODEL.max_gloss, MODEL.max_gloss)
     # The light's colour: of what is seen without the gloss, against what would be in white light.
     three = cv2.merge([weights] * 3)

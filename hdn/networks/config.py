@@ -65,5 +65,7 @@ PAPER = Config(
 
 MATTE_SIZE = 128  # px of the square crops that the matte network compares
 MATTE_SURFACE = 0.8  # share of a crop's side that a surface takes where what is around it is looked at as well
+LIGHT_SIZE = 32  # px of the square views that the light network looks at
+LIGHT_SURFACE = 0.75  # share of a view's side that the surface takes
 
 CONFIGS = {config.name: config for config in (COMPACT, PAPER)}

@@ -13,12 +13,13 @@ from openvino.passes import ConstantFolding, Manager
 from torch import Tensor, nn
 
 from ..errors import InputError, RunError
-from . import matte_network
-from .config import CONFIGS, MATTE_SIZE, PAPER
+from . import light_network, matte_network
+from .config import CONFIGS, LIGHT_SIZE, MATTE_SIZE, PAPER
+from .lighting import INPUTS
 from .openvino import Models, ov, write_ir
 from .parts import Compare, Correlate, Describe, Encode, OfImage
 from .pytorch import Hdn, load
-from .weights import MATTE, architecture
+from .weights import LIGHT, MATTE, architecture
 
 
 def pack_ir(weights: Path) -> Path:
@@ -31,10 +32,13 @@ def pack_ir(weights: Path) -> Path:
         InputError: it is no weights file, or of the paper's configuration.
         RunError: the file cannot be written.
     """
-    name = architecture(weights, [*CONFIGS, MATTE])
+    name = architecture(weights, [*CONFIGS, MATTE, LIGHT])
     if name == PAPER.name:
         raise InputError(f"{weights} is of the paper's configuration, which runs with PyTorch alone: leave it as it is")
-    made = matte_models(matte_network.load(weights)) if name == MATTE else models(load(weights))
+    if name == LIGHT:
+        made = light_models(light_network.load(weights))
+    else:
+        made = matte_models(matte_network.load(weights)) if name == MATTE else models(load(weights))
     try:
         return write_ir(made, weights)
     except OSError as error:
@@ -76,6 +80,15 @@ def matte_models(network: matte_network.MatteNetwork) -> Models:
     model.reshape({i: list(x.shape) for i, x in enumerate((crop, crop, known, known))})
     fold(model)
     return {MATTE: model}
+
+
+def light_models(network: light_network.LightNetwork) -> Models:
+    """The light network, of one clip's summary."""
+    inputs = torch.zeros(1, INPUTS, LIGHT_SIZE, LIGHT_SIZE)
+    model = convert(network, inputs)
+    model.reshape({0: list(inputs.shape)})
+    fold(model)
+    return {LIGHT: model}
 
 
 def fold(model: Any) -> None:

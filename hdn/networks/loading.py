@@ -11,8 +11,9 @@ from typing import cast
 from ..errors import TORCH_MISSING, InputError
 from . import openvino
 from .engine import Engine
+from .lighting import Lighting
 from .matte import Matte
-from .weights import MATTE, MATTE_FILE_NAME, architecture, configuration, shipped
+from .weights import LIGHT, LIGHT_FILE_NAME, MATTE, MATTE_FILE_NAME, architecture, configuration, shipped
 
 log = logging.getLogger(__name__)
 
@@ -65,6 +66,26 @@ def load_matte(weights: Path | str | None = None, device: str = "auto") -> Matte
         return torch_engine.matte(network, "cuda")
     log.info("%s is converted by PyTorch: 'hdn-train pack --weights' does it for good", path)
     return torch_engine.converted_matte(network)
+
+
+def load_lighting(weights: Path | str | None = None) -> Lighting:
+    """The light network, ready to run, on the CPU: it runs but once a clip.
+
+    Args:
+        weights: safetensors file; None takes the shipped one.
+
+    Raises:
+        InputError: weights missing, damaged or of another architecture; PyTorch needed and missing.
+    """
+    path = Path(weights or shipped(LIGHT_FILE_NAME))
+    architecture(path, [LIGHT])
+    if (models := _packed(path, "cpu")) is None:
+        from . import light_network
+        from .conversion import light_models
+
+        log.info("%s is converted by PyTorch: 'hdn-train pack --weights' does it for good", path)
+        models = light_models(light_network.load(path))
+    return Lighting(openvino.compiled(models[LIGHT]), openvino.DESCRIPTION)
 
 
 def shared_matte(device: str = "auto") -> Matte:

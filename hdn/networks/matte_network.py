@@ -27,13 +27,13 @@ class MatteNetwork(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         steps = list(pairwise(WIDTHS))
-        self.stem = _conv(INPUTS, WIDTHS[0], 4, 2)
-        self.encode = nn.ModuleList([_Residual(width) for width in WIDTHS])
-        self.shrink = nn.ModuleList([_conv(fine, coarse, 3, 2) for fine, coarse in steps])
-        self.join = nn.ModuleList([_conv(fine + coarse, fine, 1) for fine, coarse in steps])
-        self.decode = nn.ModuleList([_Residual(fine) for fine, _ in steps])
+        self.stem = conv(INPUTS, WIDTHS[0], 4, 2)
+        self.encode = nn.ModuleList([Residual(width) for width in WIDTHS])
+        self.shrink = nn.ModuleList([conv(fine, coarse, 3, 2) for fine, coarse in steps])
+        self.join = nn.ModuleList([conv(fine + coarse, fine, 1) for fine, coarse in steps])
+        self.decode = nn.ModuleList([Residual(fine) for fine, _ in steps])
         self.enlarge = nn.Conv2d(WIDTHS[0], FINE, 1)
-        self.draw = nn.Sequential(_conv(INPUTS + FINE, FINE, 3), nn.Conv2d(FINE, 1, 3, padding=1))
+        self.draw = nn.Sequential(conv(INPUTS + FINE, FINE, 3), nn.Conv2d(FINE, 1, 3, padding=1))
 
     def forward(self, frame: Tensor, template: Tensor, valid: Tensor, around: Tensor) -> Tensor:
         """Logits (B, 1, n, n) of rectified RGB crops (B, 3, n, n), 0..255.
@@ -126,19 +126,19 @@ def load(path: Path) -> MatteNetwork:
     return network.eval().requires_grad_(False)
 
 
-class _Residual(nn.Module):
+class Residual(nn.Module):
     """Two convolutions beside a shortcut (He et al., CVPR 2016)."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        self.first = _conv(width, width, 3)
+        self.first = conv(width, width, 3)
         self.second = nn.Sequential(nn.Conv2d(width, width, 3, padding=1, bias=False), nn.BatchNorm2d(width))
 
     def forward(self, x: Tensor) -> Tensor:
         return F.relu(x + self.second(self.first(x)))
 
 
-def _conv(inputs: int, outputs: int, kernel: int, stride: int = 1) -> nn.Sequential:
+def conv(inputs: int, outputs: int, kernel: int, stride: int = 1) -> nn.Sequential:
     padding = (kernel - 1) // 2
     return nn.Sequential(
         nn.Conv2d(inputs, outputs, kernel, stride, padding, bias=False), nn.BatchNorm2d(outputs), nn.ReLU(inplace=True)

@@ -11,7 +11,10 @@ from .config import CONFIGS, Config
 
 FILE_NAME = "hdn_compact.safetensors"
 MATTE_FILE_NAME = "hdn_matte.safetensors"
-MATTE = "matte"  # the matte network, where HDN's files have the name of a configuration
+LIGHT_FILE_NAME = "hdn_light.safetensors"
+# The matte and the light network, where HDN's files have the name of a configuration.
+MATTE = "matte"
+LIGHT = "light"
 
 
 def shipped(name: str = FILE_NAME) -> Path:

@@ -6,6 +6,7 @@ blur, noise, occluders and frame borders of its own. Everything is a tensor; not
 
 from .batches import ResidualBatch, SimilarityBatch, residual_batch, similarity_batch, unlabelled_batch
 from .covers import NOTHING, Hiding
+from .lit_clips import LightBatch, LitClips, light_batch
 from .looks import Look
 from .mattes import MatteBatch, MattePairs, matte_batch
 from .photos import SIDE, Photos, read_photo, squared
@@ -15,6 +16,8 @@ __all__ = [
     "NOTHING",
     "SIDE",
     "Hiding",
+    "LightBatch",
+    "LitClips",
     "Look",
     "MatteBatch",
     "MattePairs",
@@ -23,6 +26,7 @@ __all__ = [
     "ResidualBatch",
     "SimilarityBatch",
     "decomposition",
+    "light_batch",
     "matte_batch",
     "read_photo",
     "residual_batch",

@@ -10,23 +10,28 @@ import torch
 
 from ..commandline import Parser, run
 from ..errors import InputError
-from ..networks import matte_network, pytorch
+from ..networks import light_network, matte_network, pytorch
 from ..networks.config import COMPACT, CONFIGS
 from ..networks.conversion import pack_ir
-from ..networks.weights import FILE_NAME, MATTE, MATTE_FILE_NAME, architecture, shipped
+from ..networks.weights import FILE_NAME, LIGHT, LIGHT_FILE_NAME, MATTE, MATTE_FILE_NAME, architecture, shipped
 from ..synthesis import Photos
 from . import ablation
 from .checkpoint import read_checkpoint
 from .data import find_images, held_out
 from .initial import load_start
+from .light import LightObjective
 from .loop import COMPONENTS, HELD_OUT_IN_MEMORY, Data, train
 from .matte import MatteObjective
 from .objectives import Objective, PolarObjective, ResidualObjective, TranslationObjective
-from .packing import pack, pack_matte
+from .packing import pack, pack_light, pack_matte
 from .recipes import recipe_of
 from .validation import Figures, table, validate
 
-SHIPPED = {"shipped": FILE_NAME, "matte": MATTE_FILE_NAME}  # what `validate` takes for the files that ship
+SHIPPED = {
+    "shipped": FILE_NAME,
+    "matte": MATTE_FILE_NAME,
+    "light": LIGHT_FILE_NAME,
+}  # what `validate` takes for the files that ship
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -56,10 +61,11 @@ def _parser() -> Parser:
         _add_start(command)
         command.set_defaults(run=_train)
 
-    command = commands.add_parser(MATTE, help="train the network that tells what hides a surface", description="")
-    _add_training(command)
-    _add_start(command)
-    command.set_defaults(run=_train, videos=[], config=COMPACT.name, backbone=None)
+    for name, tells in ((MATTE, "what hides a surface"), (LIGHT, "how a surface's first view is lit")):
+        command = commands.add_parser(name, help=f"train the network that tells {tells}", description="")
+        _add_training(command)
+        _add_start(command)
+        command.set_defaults(run=_train, videos=[], config=COMPACT.name, backbone=None)
 
     command = commands.add_parser("ablation", help="train the rows of the paper's ablation table", description="")
     _add_training(command)
@@ -74,11 +80,14 @@ def _parser() -> Parser:
     source = command.add_mutually_exclusive_group(required=True)
     source.add_argument("--out", type=Path, metavar="DIR", help="folder of the three checkpoints, and for the file")
     source.add_argument("--matte", type=Path, metavar="DIR", help="folder of the matte's checkpoint, and for its file")
+    source.add_argument("--light", type=Path, metavar="DIR", help="the same of the light network")
     source.add_argument("--weights", type=Path, metavar="FILE", help="a weights file, that lacks those networks alone")
     command.set_defaults(run=_pack)
 
     command = commands.add_parser("validate", help="errors of weights on held-out images", description="")
-    command.add_argument("--weights", required=True, metavar="FILE", help="a weights file, or 'shipped', or 'matte'")
+    command.add_argument(
+        "--weights", required=True, metavar="FILE", help="a weights file, or 'shipped', 'matte' or 'light'"
+    )
     command.add_argument("--images", type=Path, nargs="+", required=True, metavar="DIR", help="of them the held-out")
     _add_machine(command)
     command.set_defaults(run=_validate)
@@ -192,6 +201,8 @@ def _pack(options: argparse.Namespace) -> None:
         path = pack_ir(options.weights)
     elif options.matte:
         path = pack_matte(options.matte / "matte.pt", options.matte)
+    elif options.light:
+        path = pack_light(options.light / "light.pt", options.light)
     else:
         path = pack(options.out / "translation.pt", options.out / "polar.pt", options.out / "residual.pt", options.out)
     print(f"Written to {path}")
@@ -215,8 +226,11 @@ def _validate(options: argparse.Namespace) -> None:
 
 def _objectives(path: Path, device: torch.device) -> list[Objective]:
     """What the networks of a weights file are taught."""
-    if architecture(path, [*CONFIGS, MATTE]) == MATTE:
+    kind = architecture(path, [*CONFIGS, MATTE, LIGHT])
+    if kind == MATTE:
         return [MatteObjective(matte_network.load(path), device)]
+    if kind == LIGHT:
+        return [LightObjective(light_network.load(path), device)]
     network = pytorch.load(path)
     recipe = recipe_of(network.config)
     return [

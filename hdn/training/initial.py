@@ -9,12 +9,12 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from ..errors import InputError
-from ..networks import matte_network
+from ..networks import light_network, matte_network
 from ..networks.backbone import Backbone
 from ..networks.config import Config
 from ..networks.pytorch import load
 from ..networks.similarity import SimilarityNetwork
-from ..networks.weights import MATTE
+from ..networks.weights import LIGHT, MATTE
 
 FAILURES = (
     RuntimeError, ValueError, KeyError, OSError, EOFError, AttributeError, pickle.UnpicklingError, SafetensorError,
@@ -62,6 +62,8 @@ def load_start(path: Path, component: str, config: Config) -> dict[str, Tensor]:
         raise InputError(f"--start {path} is missing: name an existing weights file")
     if component == MATTE:
         return matte_network.load(path).state_dict()
+    if component == LIGHT:
+        return light_network.load(path).state_dict()
     network = load(path)
     if network.config != config:
         raise InputError(

@@ -11,23 +11,25 @@ from torch import Tensor, nn
 
 from ..errors import RunError
 from ..networks.config import COMPACT, Config
+from ..networks.light_network import LightNetwork
 from ..networks.matte_network import MatteNetwork
 from ..networks.paper import PaperResidual
 from ..networks.residual import ResidualNetwork
 from ..networks.similarity import SimilarityNetwork
-from ..networks.weights import MATTE
+from ..networks.weights import LIGHT, MATTE
 from ..synthesis import Photos
 from . import curves
 from .checkpoint import read_checkpoint, write_checkpoint
 from .data import Clips, Pool, find_clips, find_images, split
 from .initial import load_backbone, load_start
+from .light import LightObjective
 from .matte import MatteObjective
 from .objectives import Objective, PolarObjective, ResidualObjective, TranslationObjective
 from .recipes import Recipe, recipe_of
 from .replay import Replay
 from .validation import WHILE_TRAINING, Figures, validate
 
-COMPONENTS = ("translation", "polar", "residual")  # of HDN; the matte network is trained alike
+COMPONENTS = ("translation", "polar", "residual")  # of HDN; the matte and the light network are trained alike
 STEPS_PER_REPORT = 50  # a line of progress
 STEPS_PER_CHECKPOINT = 500  # with a validation
 HELD_OUT_IN_MEMORY = 1_000  # images; 0.3 GB
@@ -82,6 +84,11 @@ def build(
         if state is not None:
             matte.load_state_dict(state)
         return MatteObjective(matte, device)
+    if component == LIGHT:
+        light = LightNetwork()
+        if state is not None:
+            light.load_state_dict(state)
+        return LightObjective(light, device)
     if component == "residual":
         residual = ResidualNetwork(config) if config.residual == "matching" else PaperResidual(config)
         if state is not None:

@@ -26,6 +26,7 @@ from ..synthesis import (
 )
 from . import losses
 from .data import Clips
+from .light import LightObjective
 from .matte import MatteObjective
 from .recipes import Recipe
 
@@ -287,7 +288,7 @@ class ResidualObjective:
         return parts
 
 
-Objective = TranslationObjective | PolarObjective | ResidualObjective | MatteObjective
+Objective = TranslationObjective | PolarObjective | ResidualObjective | MatteObjective | LightObjective
 
 
 def single(maps: Maps) -> Maps:

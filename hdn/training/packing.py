@@ -1,4 +1,4 @@
-"""Checkpoints to weights files: of the three components of HDN to one, and of the matte network to its own."""
+"""Checkpoints to weights files: of the three components of HDN to one, of each other network to its own."""
 
 from pathlib import Path
 from typing import Any
@@ -6,12 +6,13 @@ from typing import Any
 import torch
 
 from ..errors import InputError
-from ..networks import matte_network
+from ..networks import light_network, matte_network
 from ..networks.config import CONFIGS, PAPER
 from ..networks.conversion import pack_ir
+from ..networks.light_network import LightNetwork
 from ..networks.matte_network import MatteNetwork
 from ..networks.pytorch import Hdn, save
-from ..networks.weights import MATTE, MATTE_FILE_NAME
+from ..networks.weights import LIGHT, LIGHT_FILE_NAME, MATTE, MATTE_FILE_NAME
 from .checkpoint import read_checkpoint
 
 
@@ -68,6 +69,17 @@ def pack_matte(checkpoint: Path, path: Path) -> Path:
     network.load_state_dict(state["network"])
     path = path / MATTE_FILE_NAME if path.is_dir() else path
     matte_network.save(network, path, {MATTE: _history(state)})
+    pack_ir(path)
+    return path
+
+
+def pack_light(checkpoint: Path, path: Path) -> Path:
+    """Writes the weights file of the light network, and beside it its network for OpenVINO; see `pack_matte`."""
+    state = _read(checkpoint, LIGHT)
+    network = LightNetwork()
+    network.load_state_dict(state["network"])
+    path = path / LIGHT_FILE_NAME if path.is_dir() else path
+    light_network.save(network, path, {LIGHT: _history(state)})
     pack_ir(path)
     return path
 

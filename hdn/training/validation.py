@@ -14,6 +14,8 @@ from ..networks.geometry import dlt, project
 from ..proposal import MODEL as PROPOSAL
 from ..synthesis import NOTHING, Hiding, Look, Photos, residual_batch, similarity_batch
 from . import losses
+from .light import KINDS as LIGHT_KINDS
+from .light import LightObjective, light_figures
 from .matte import KINDS as MATTE_KINDS
 from .matte import MatteObjective, matte_figures
 from .objectives import (
@@ -62,12 +64,22 @@ WHILE_TRAINING = ("clean", "hard")
 def validate(
     objective: Objective, photos: Photos, pairs: int, kinds: Iterable[str] | None = None
 ) -> dict[str, Figures]:
-    """Figures by name, of so many pairs of each kind; None takes all of KINDS, or of the matte network its own."""
+    """Figures by name, of so many pairs of each kind; None takes all of KINDS.
+
+    The matte and the light network have kinds of their own, all of which are taken.
+    """
     if isinstance(objective, MatteObjective):
         with _evaluating(objective.taught):
             return {
                 name: matte_figures(objective.network, photos, _batches(pairs), kind)
                 for name, kind in MATTE_KINDS.items()
+            }
+
+    if isinstance(objective, LightObjective):
+        with _evaluating(objective.taught):
+            return {
+                name: light_figures(objective.network, photos, _batches(pairs), kind)
+                for name, kind in LIGHT_KINDS.items()
             }
 
     def figures(kind: Kind) -> Figures:

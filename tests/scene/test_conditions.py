@@ -42,7 +42,7 @@ def matte() -> Matte:
 
 @pytest.fixture
 def appearance(reference: np.ndarray, matte: Matte) -> Appearance:
-    return Appearance(reference, SCENE.quad, matte)
+    return Appearance(reference, SCENE.quad, matte, softness=False)
 
 
 def look(appearance: Appearance, frame: np.ndarray, pose: Array = SCENE.quad, deviation: float = 0.3) -> Conditions:

@@ -253,13 +253,21 @@ def _screen(challenge: Challenge, frames: int, rng: Rng) -> tuple[Passage, ...]:
     return (Passage(draw_occluder(rng, PERSON), frames / 2, frames / 9, direction, 6.0, 0.0, stay=frames / 3),)
 
 
+def _drift(challenge: Challenge, rng: Rng) -> Array:
+    """How the shadows move, units a frame; one that lies on the target at first goes over it."""
+    drift = rng.normal(0, 0.0012, 2)
+    if challenge.still:
+        return 0 * drift
+    return drift / np.linalg.norm(drift) * rng.uniform(0.003, 0.006) if challenge.edge else drift
+
+
 def _light(challenge: Challenge, width: int, rng: Rng) -> Light:
     warmth = rng.uniform(-0.07, 0.07)
     shadows = draw_edge if challenge.edge else draw_shadows
     lamp = 0.15 if challenge.edge else 0.45
     return Light(
         shadows=shadows(width * 4 // 5, rng),
-        drift=rng.normal(0, 0.0012, 2) * (not challenge.still),
+        drift=_drift(challenge, rng),
         ambient=rng.uniform(*challenge.ambient),
         colour=np.array([1 + warmth, 1.0, 1 - warmth]),
         exposure=rng.uniform(*challenge.exposure),
