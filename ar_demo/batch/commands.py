@@ -59,7 +59,7 @@ def _batch(given: Namespace) -> int:
         return DONE
     names = ("retries", "time_limit", "memory_limit", "max_frames", "max_pixels")
     settings = Settings(**{name: getattr(given, name) for name in names if name in given})
-    folder: Path = given.state if "state" in given else given.manifest.with_suffix(".batch")
+    folder: Path = (given.state if "state" in given else given.manifest.with_suffix(".batch")).absolute()
     place = Place(getattr(given, "cache", None), getattr(given, "cache_size", CACHE_BYTES))
     with State(folder) as state, ExitStack() as held:
         pool: Pool

@@ -60,8 +60,13 @@ def stamp(path: str) -> str:
 
 
 def _digest(content: Any) -> str:
-    said = json.dumps([version("ar-replace"), _defaults(), content], sort_keys=True, default=str)
+    said = json.dumps([_version(), _defaults(), content], sort_keys=True, default=str)
     return hashlib.sha256(said.encode()).hexdigest()[:32]
+
+
+@cache
+def _version() -> str:
+    return version("ar-replace")
 
 
 @cache

@@ -14,9 +14,11 @@ from typing import Any, Literal
 
 import psutil
 
-from hdn.commandline import BAD_INPUT, DONE, FAILED
+from hdn.commandline import BAD_INPUT, FAILED
 
+from ..errors import NotFound
 from ..units import in_words
+from ..verdict import EXIT_STATUS
 
 LOOK_SECONDS = 0.1  # between two looks at a process
 PATIENCE_SECONDS = 10.0  # that a process has to clean up in, before it is killed
@@ -51,8 +53,8 @@ class Outcome:
 
     @property
     def is_done(self) -> bool:
-        """Whether the output is there."""
-        return self.status == DONE and not self.ended
+        """Whether the output is there, whatever the verdict on its track."""
+        return self.status in EXIT_STATUS.values() and not self.ended
 
     @property
     def may_be_tried_again(self) -> bool:
@@ -61,8 +63,8 @@ class Outcome:
 
     @property
     def is_wrong_input(self) -> bool:
-        """Whether it was refused, so that trying again is of no use."""
-        return not self.ended and self.status == BAD_INPUT
+        """Whether trying again is of no use: it was refused, or a picture that it looks for is not seen."""
+        return not self.ended and self.status in (BAD_INPUT, NotFound.exit_status)
 
 
 def run(
@@ -102,7 +104,7 @@ def run(
         "time": f"it took longer than {time_limit:g} s" if time_limit else "",
         "memory": f"it took more than {in_words(memory_limit or 0)} of memory",
         "stopped": "it was stopped",
-        "": "" if status == DONE else _error(log, begin, status),
+        "": "" if status in EXIT_STATUS.values() else _error(log, begin, status),
     }[ended]
     return Outcome(status, ended, time.monotonic() - started, peak, result, said)
 

@@ -2,17 +2,20 @@
 
 import json
 import logging
+import re
 from collections import defaultdict, deque
 from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from hdn.commandline import FAILED
+from hdn.commandline import DONE, FAILED
 
 from ..errors import InputError, RunError
 from ..media.claims import write_whole
+from ..media.download import is_url
+from ..verdict import EXIT_STATUS
 from .identity import OF_A_TRACK, identity, stamp, track_key
 from .jobs import Job
 from .options import command
@@ -23,8 +26,8 @@ from .task import Task, log_of, result_of
 
 log = logging.getLogger(__name__)
 
-Ending = Literal["done", "kept", "wrong", "failed"]
-ENDINGS: tuple[Ending, ...] = ("failed", "wrong", "done", "kept")  # worst first
+Ending = Literal["done", "kept", "doubtful", "wrong", "failed"]
+ENDINGS: tuple[Ending, ...] = ("failed", "wrong", "doubtful", "done", "kept")  # worst first
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,8 @@ class Done:
     """How a job ended.
 
     Attributes:
-        ending: done now, kept from an earlier run, refused as wrong, or failed.
+        ending: done now, kept from an earlier run, either with a verdict on its track that --strict does not let pass,
+            refused as wrong, or failed.
         attempts, seconds: of it; result: what `ar-replace --json` printed; message: what went wrong.
     """
 
@@ -62,8 +66,13 @@ class Done:
 
     @property
     def is_good(self) -> bool:
-        """Whether the output is there."""
+        """Whether the output is there, and to be believed."""
         return self.ending in ("done", "kept")
+
+    @property
+    def has_output(self) -> bool:
+        """Whether the output is there."""
+        return self.is_good or self.ending == "doubtful"
 
 
 class Pool(Protocol):
@@ -124,7 +133,7 @@ class Batch:
             mine, track = identity(job, self._state), track_key(job, self._state)
             kept = self._state.finished(mine)
             if kept is not None and all(stamp(output) == kept[3].get(output) for output in job.outputs.values()):
-                self._tell(Done(job, "kept", kept[0], kept[1], kept[2]))
+                self._tell(_judged(Done(job, "kept", kept[0], kept[1], kept[2])))
                 return
             if track in self._making:
                 assert track is not None
@@ -147,6 +156,10 @@ class Batch:
         if job.values.get("overwrite"):
             return
         outputs = set(job.outputs.values())
+        track = job.values.get("save_track")
+        if track is not None and self._state.stamp(track) is None:
+            for path in _numbered(track):
+                raise InputError(f"{path} exists already and is not of this batch: move it away, or say overwrite")
         for path in _files(job):
             now, made = stamp(path), self._state.stamp(path)
             if now and (made is None or (path in outputs and made not in ("", now))):
@@ -187,7 +200,7 @@ class Batch:
         if outcome.is_done:
             try:
                 self._keep(begun, outcome)
-                self._tell(Done(job, "done", begun.attempt, begun.seconds, outcome.result))
+                self._tell(_judged(Done(job, "done", begun.attempt, begun.seconds, outcome.result)))
                 return
             except (InputError, RunError, OSError) as error:
                 message = str(error)
@@ -221,6 +234,14 @@ class Batch:
         log.info("%d of %d: %s: %s", len(self.done), self._total, done.job.name, said)
 
 
+def _judged(done: Done) -> Done:
+    """A job that is done, or doubtful where its --strict says so of the verdict on its track."""
+    verdict = done.result.get("verdict", {})
+    if not done.job.values.get("strict") or EXIT_STATUS.get(verdict.get("status"), DONE) == DONE:
+        return done
+    return replace(done, ending="doubtful", message="; ".join(map(str, verdict.get("reasons", []))))
+
+
 def _files(job: Job) -> list[str]:
     """All that a job writes, with its log and its result."""
     return [*job.outputs.values(), log_of(job.name), result_of(job.name)]
@@ -235,6 +256,15 @@ def _stamps(job: Job) -> dict[str, str]:
         except (InputError, RunError):
             stamps[path] = ""
     return stamps
+
+
+def _numbered(track: str) -> list[str]:
+    """The tracks of several surfaces that there are already where a job says NAME.json: NAME.1.json and so on."""
+    name = Path(track)
+    if is_url(track) or not name.parent.is_dir():
+        return []
+    pattern = re.compile(rf"{re.escape(name.stem)}\.\d+{re.escape(name.suffix)}")
+    return [str(file) for file in name.parent.iterdir() if pattern.fullmatch(file.name)]
 
 
 def _least(*limits: Any) -> Any:

@@ -18,7 +18,7 @@ from .running import ENDINGS, Done
 from .task import log_of
 
 VERDICTS = ("fail", "check", "pass")  # worst first
-WORDS = {"failed": "failed", "wrong": "wrong input", "done": "done", "kept": "done before"}
+WORDS = {"failed": "failed", "wrong": "wrong input", "doubtful": "to be checked", "done": "done", "kept": "done before"}
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 _PAGE = """<!DOCTYPE html>
@@ -32,7 +32,7 @@ th, td {{ text-align: left; vertical-align: top; padding: .3rem .8rem .3rem 0; b
 td.number, th.number {{ text-align: right; font-variant-numeric: tabular-nums; }}
 td.name, td.said {{ overflow-wrap: anywhere; }}
 .failed, .wrong, .fail {{ font-weight: 600; color: light-dark(#a40000, #ff9a8f); }}
-.check {{ font-weight: 600; color: light-dark(#7a4b00, #ffc66b); }}
+.check, .doubtful {{ font-weight: 600; color: light-dark(#7a4b00, #ffc66b); }}
 </style>
 <h1>{title}</h1>
 <p>{words}</p>
@@ -52,8 +52,8 @@ def worst_first(done: Sequence[Done]) -> list[Done]:
 
     def rank(one: Done) -> tuple[int, int, float, int]:
         verdict = verdict_of(one)
-        is_good = ENDINGS.index("done") if one.is_good else ENDINGS.index(one.ending)
-        return is_good, VERDICTS.index(verdict) if verdict in VERDICTS else 1, _share_tracked(one), one.job.number
+        ending = ENDINGS.index("done") if one.is_good else ENDINGS.index(one.ending)
+        return ending, VERDICTS.index(verdict) if verdict in VERDICTS else 1, _share_tracked(one), one.job.number
 
     return sorted(done, key=rank)
 
@@ -106,7 +106,8 @@ def as_json(done: Sequence[Done]) -> dict[str, Any]:
 
 def junit(done: Sequence[Done]) -> str:
     """JUnit XML, as GitLab, Jenkins and GitHub's actions read it: a test case for each job."""
-    failed, wrong = (sum(one.ending == ending for one in done) for ending in ("failed", "wrong"))
+    wrong = sum(one.ending == "wrong" for one in done)
+    failed = sum(not one.is_good for one in done) - wrong
     totals = {
         "tests": str(len(done)),
         "failures": str(failed),
@@ -119,7 +120,7 @@ def junit(done: Sequence[Done]) -> str:
         name = {"classname": "ar-batch", "name": _xml(one.job.name), "time": f"{one.seconds:.3f}"}
         case = ElementTree.SubElement(suite, "testcase", name)
         if not one.is_good:
-            kind = "failure" if one.ending == "failed" else "error"
+            kind = "error" if one.ending == "wrong" else "failure"
             told = {"message": _xml(one.message), "type": WORDS[one.ending]}
             ElementTree.SubElement(case, kind, told).text = _xml(one.message)
     ElementTree.indent(suites)
@@ -133,9 +134,10 @@ def page(done: Sequence[Done], folder: Path, title: str) -> str:
         verdict = verdict_of(one)
         named = (("log", log_of(one.job.name)), ("report", one.job.outputs.get("report", "")))
         links = [_link(folder, file, text) for text, file in named if is_url(file) or os.path.exists(file)]
+        name = _link(folder, one.job.name, one.job.name) if one.has_output else _html(one.job.name)
         said = "; ".join([*filter(None, [one.message]), *_warnings(one)])
         rows.append(
-            f'<tr><td class="name">{_link(folder, one.job.name, one.job.name) if one.is_good else _html(one.job.name)}'
+            f'<tr><td class="name">{name}'
             f'<td class="{one.ending}">{WORDS[one.ending]}<td class="{_html(verdict)}">{_html(verdict)}'
             f'<td class="number">{one.attempts}<td class="number">{one.seconds:.1f}<td>{_html(_states(one))}'
             f'<td class="said">{_html(said)}<td>{" ".join(links)}'

@@ -8,6 +8,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import cv2
+
 from ..errors import InputError
 from ..export.exporting import export_track
 from ..frame_range import FrameRange
@@ -40,6 +42,7 @@ NO_SURFACE = "say where the surface is: --quad x,y x,y x,y x,y, --find picture.p
 
 def replace_command(given: Namespace) -> int:
     """ar-replace, by what is given on its command line."""
+    cv2.setNumThreads(1)  # its threads wait for work in a loop, which takes processor time from the encoder's
     defaults = load_defaults().without(inapplicable(given))
     defaults.fill(given)
     with limited(*_limits(given)), display_of(given, renders=True) as display:
@@ -91,6 +94,7 @@ def _replace(given: Namespace, defaults: Defaults, display: Display) -> int:
 
 def track_command(given: Namespace) -> int:
     """ar-track, by what is given on its command line."""
+    cv2.setNumThreads(1)  # see `replace_command`
     defaults = load_defaults()
     defaults.fill(given)
     with limited(*_limits(given)), display_of(given, renders=False) as display:

@@ -2,7 +2,7 @@
 
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from hdn.commandline import Parser, load, run
 
@@ -18,11 +18,12 @@ from .parsers import (
 )
 
 LEFT_BEHIND = "nothing unfinished is left"
+PICK = "ar_demo.studio.command:pick_command"
 
 
 def replace_main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of ar-replace."""
-    _main(replace_parser(), "ar_demo.cli.commands:replace_command", arguments)
+    _main(replace_parser(), "ar_demo.cli.commands:replace_command", arguments, {"pick": PICK})
 
 
 def track_main(arguments: Sequence[str] | None = None) -> None:
@@ -60,10 +61,15 @@ def studio_main(arguments: Sequence[str] | None = None) -> None:
     _main(studio_parser(), "ar_demo.studio.command:studio_command", arguments)
 
 
-def _main(parser: Parser, command: str, arguments: Sequence[str] | None) -> None:
+def _main(
+    parser: Parser, command: str, arguments: Sequence[str] | None, others: Mapping[str, str] | None = None
+) -> None:
+    """Args: others: commands in place of it where an option is given, by the option's name."""
+
     def parse_and_do(arguments: Sequence[str] | None) -> int:
         chosen = parser.parse_args(arguments)
-        do: Callable[[Namespace], int] = load(command, LEFT_BEHIND)
+        named = next((other for name, other in (others or {}).items() if name in chosen), command)
+        do: Callable[[Namespace], int] = load(named, LEFT_BEHIND)
         return do(chosen)
 
     sys.exit(run(parse_and_do, arguments, LEFT_BEHIND))

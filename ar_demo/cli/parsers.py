@@ -57,6 +57,7 @@ def replace_parser() -> Parser:
     )
     add("ad", nargs="?", help="video, image or animated image; not needed by some effects")
     add("-o", "--output", help="video to write (default: INPUT.ar.mp4 beside the input)")
+    add("--pick", action="store_true", help="do it all on a page in the browser, as ar-studio does")
     add("--save-track", type=Path, metavar="JSON", help="also write the track; of several NAME.1.json ...")
     add(
         "--layer",

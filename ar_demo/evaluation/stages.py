@@ -61,6 +61,7 @@ STAGES = {
     "ar_demo/rendering": "draw",
 }
 OTHER = "other"
+TASKS = Path("/proc/self/task")
 NATIVE = "threads of codecs and networks"
 COMMANDS = {"ar-track": track_main, "ar-replace": replace_main}
 
@@ -75,19 +76,19 @@ class Sampler:
 
     def __init__(self, interval: float = INTERVAL) -> None:
         """Raises InputError where the system does not show a thread's processor time."""
-        if not hasattr(time, "pthread_getcpuclockid"):
+        if not TASKS.is_dir():
             raise InputError("stages are told on Linux alone: leave --stages out")
         self.seconds: dict[str, float] = defaultdict(float)
         self.where: dict[tuple[str, str], float] = defaultdict(float)
         self._interval = interval
-        self._last: dict[int, float] = {}
+        self._last: dict[int | None, float] = {}
         self._own = 0.0  # s that the sampler itself took
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sampler", daemon=True)
 
     def start(self) -> None:
         self._begun = time.process_time()
-        self._last = {t.ident: _processor_time(t.ident) for t in threading.enumerate() if t.ident is not None}
+        self._last = {thread.native_id: _processor_time(thread) for thread in threading.enumerate()}
         self._thread.start()
 
     def stop(self) -> None:
@@ -98,27 +99,28 @@ class Sampler:
         self.seconds[NATIVE] = max(0.0, time.process_time() - self._begun - own)
 
     def _run(self) -> None:
-        me = threading.get_ident()
         while not self._done.wait(self._interval):
-            for ident, frame in sys._current_frames().items():
-                if ident != me:
-                    self._count(ident, frame)
+            frames = sys._current_frames()
+            for thread in threading.enumerate():
+                if thread is not self._thread and thread.ident in frames:
+                    self._count(thread, frames[thread.ident])
+            del frames
             self._own = time.thread_time()
 
-    def _count(self, ident: int, frame: FrameType) -> None:
-        spent = _processor_time(ident)
-        delta = spent - self._last.get(ident, 0.0)
-        self._last[ident] = spent
+    def _count(self, thread: threading.Thread, frame: FrameType) -> None:
+        spent = _processor_time(thread)
+        delta = spent - self._last.get(thread.native_id, 0.0)
         if delta > 0:
+            self._last[thread.native_id] = spent
             stage, line = stage_of(frame)
             self.seconds[stage] += delta
             self.where[stage, line] += delta
 
 
-def _processor_time(thread: int) -> float:
-    """Seconds of a thread; 0 for one that has just ended."""
+def _processor_time(thread: threading.Thread) -> float:
+    """Seconds of a thread; 0 for one that has just ended, whose clock must not be asked for."""
     try:
-        return time.clock_gettime(time.pthread_getcpuclockid(thread))
+        return int((TASKS / str(thread.native_id) / "schedstat").read_text().split()[0]) * 1e-9
     except OSError:
         return 0.0
 

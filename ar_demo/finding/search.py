@@ -1,6 +1,7 @@
 """The search of a whole video for pictures, in one pass over it."""
 
 import logging
+import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -123,7 +124,7 @@ def search(
     nearest: dict[int, Sighting] = {}
     first, total, step = _extent(reader, options)
     show = Stage(listen, "find", 0, None if total is None else -(-total // step))
-    with ahead(reader.frames(first, step=step)) as frames:
+    with ahead(reader.frames(first, only=range(first, sys.maxsize, step))) as frames:
         for frame in until(stop.watch(frames), options.last, reader.times[0]):
             observation = Observation(frame.view)
             close = looks % MODEL.close_interval == 0

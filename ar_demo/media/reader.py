@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from dataclasses import replace as changed
@@ -233,8 +233,10 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         self._demux()
         return self._index.key_before(index)[0]
 
-    def frames(self, start: int = 0, stop: int | None = None, step: int = 1) -> Iterator[Frame]:
-        """Frames start to stop - 1 (to the end for None), each step-th: those between are decoded, not converted.
+    def frames(self, start: int = 0, stop: int | None = None, only: Container[int] | None = None) -> Iterator[Frame]:
+        """Frames start to stop - 1 (to the end for None), or only some of these, by their indices.
+
+        Those between are decoded, and not converted.
 
         Raises:
             IndexDropped: frames were given out under numbers that prove wrong, by this iteration or another.
@@ -244,7 +246,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         for decoded in self._whole_frames(start, None if stop is None else stop + 1):
             if waiting is not None:
                 yield self._finish(waiting, to_rgb)
-            waiting = decoded if (decoded.index - start) % step == 0 else None
+            waiting = decoded if only is None or decoded.index in only else None
         if waiting is not None and (stop is None or waiting.index < stop):
             yield self._finish(waiting, to_rgb)
 

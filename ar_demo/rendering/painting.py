@@ -171,9 +171,14 @@ class Painter(AbstractContextManager["Painter"]):
 def grained(layer: Layer, grain: Grain) -> Layer:
     """A layer with grain on it."""
     rgba = in_float(layer.rgba)
-    colour, alpha = np.ascontiguousarray(rgba[..., :3]), rgba[..., 3:]
-    noise = grain.on(colour)
-    return Layer(layer.box, np.concatenate([np.clip(colour + noise * alpha, 0, alpha), alpha], axis=2))
+    colour, alpha = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), cv2.extractChannel(rgba, 3)
+    each = cv2.cvtColor(alpha, cv2.COLOR_GRAY2RGB)
+    noise = cv2.multiply(grain.on(colour), each)
+    cv2.add(colour, noise, dst=colour)
+    cv2.min(cv2.max(colour, 0.0, dst=colour), each, dst=colour)
+    out = np.empty_like(rgba)
+    cv2.mixChannels([colour, alpha], [out], [0, 0, 1, 1, 2, 2, 3, 3])
+    return Layer(layer.box, out)
 
 
 def lit(picture: Picture, light: Light) -> Floats:

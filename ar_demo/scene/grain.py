@@ -4,6 +4,7 @@ Two frames in a row show the same surface, so that what differs between them, wh
 that of the sensor, and what a codec left of it or put in its place.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -55,15 +56,36 @@ class Grain:
 
     def on(self, picture: Floats) -> Floats:
         """Noise (h, w, 3) for a picture (h, w, 3), both of 0..1."""
-        tile = _tile(self.softness)
         height, width = picture.shape[:2]
-        rng = np.random.default_rng(self.number)
-        top, left = rng.integers(0, MODEL.tile_px, 2)
-        rows, columns = (np.arange(top, top + height) % MODEL.tile_px, np.arange(left, left + width) % MODEL.tile_px)
-        noise = cv2.transform(tile[rows][:, columns], self.colour)
-        level = cv2.transform(picture, np.full((1, 3), (MODEL.bins - 1), np.float32) / 3)
-        strength = np.interp(level, np.arange(MODEL.bins), self.deviation / 255).astype(np.float32)
-        return np.asarray(noise * strength[..., None], np.float32)
+        noise = np.empty((height, width, 3), np.float32)
+        top, left = np.random.default_rng(self.number).integers(0, MODEL.tile_px, 2).tolist()
+        tile = _tile(self.softness)
+        for rows, tile_rows in _repeats(top, height):
+            for columns, tile_columns in _repeats(left, width):
+                noise[rows, columns] = cv2.transform(tile[tile_rows, tile_columns], self.colour)
+        strength = cv2.LUT(self._brightness(picture), self._strengths)
+        return np.asarray(cv2.multiply(noise, cv2.cvtColor(strength, cv2.COLOR_GRAY2RGB), dst=noise), np.float32)
+
+    @property
+    def _strengths(self) -> Floats:
+        """(256,) the deviation by brightness, 0..1."""
+        levels = np.linspace(0, MODEL.bins - 1, 256)
+        return np.interp(levels, np.arange(MODEL.bins), self.deviation / 255).astype(np.float32)
+
+    @staticmethod
+    def _brightness(picture: Floats) -> Image:
+        """The mean (h, w) of a picture's channels (h, w, 3), from 0..1 to 0..255."""
+        return cv2.convertScaleAbs(cv2.transform(picture, np.full((1, 3), 1 / 3, np.float32)), alpha=255)
+
+
+def _repeats(begin: int, length: int) -> Iterator[tuple[slice, slice]]:
+    """Parts of a length, and what lies there where a tile is repeated, of which it begins at some pixel."""
+    at = 0
+    while at < length:
+        start = (begin + at) % MODEL.tile_px
+        size = min(length - at, MODEL.tile_px - start)
+        yield slice(at, at + size), slice(start, start + size)
+        at += size
 
 
 @dataclass

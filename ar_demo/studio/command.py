@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from threading import Timer
 
+from ..cli.applicability import flag
 from ..cli.defaults import load_defaults
 from ..cli.reporting import set_up_logging
 from ..errors import InputError
@@ -25,6 +26,19 @@ def studio_command(given: Namespace) -> int:
     video = Path(given.video) if "video" in given else None
     ad = Path(given.ad) if "ad" in given else None
     serve(video, ad, getattr(given, "root", None), getattr(given, "port", 0), "no_browser" not in given)
+    return 0
+
+
+def pick_command(given: Namespace) -> int:
+    """ar-replace --pick, by what is given on its command line."""
+    set_up_logging("quiet" in given)
+    if others := sorted(vars(given).keys() - {"input", "ad", "pick", "quiet"}):
+        raise InputError(
+            f"{flag(others[0])} does nothing beside --pick, which lets you choose on its page: leave it out"
+        )
+    if "input" not in given:
+        raise InputError("name the video: ar-replace VIDEO AD --pick")
+    serve(Path(given.input), Path(given.ad) if "ad" in given else None, None, 0, opens_browser=True)
     return 0
 
 

@@ -21,7 +21,7 @@ from ..progress import Listener, Stage
 from ..stopping import StopSignal
 from ..surface import Keyframe, Surface
 from ..tracks import Source, Track
-from .contradiction import contradiction
+from .contradiction import contradicting, leap
 from .corrections import merged_keyframes, new_keyframes, tell
 from .moments import is_within, keyframes_of, starts, until
 from .pictures import plane_pictures, reference_frame
@@ -32,6 +32,7 @@ from .sweep import Follower, backward_stretches, sweep
 
 log = logging.getLogger(__name__)
 
+MOST_CHECKS = 3  # of places that contradict each other, in a surface's passes
 NO_QUAD = "tracking needs the surface's corners in the reference frame: give --quad or --track"
 
 
@@ -192,29 +193,33 @@ class Passes:
             solve(target.known, target.runs, self.options.smooth)
 
     def _recheck(self, targets: Sequence[Target]) -> None:
-        """Goes both ways from what was tracked well and contradicts the track, through the frames that it disproves.
+        """Goes both ways from a place that contradicts the track, or from where it leaps, through what that disproves.
 
-        Either may be wrong: a tracker follows what moves on in front of the surface at first, and loses it, and finds
-        the surface. What is right leads to the known poses.
+        Either side may be wrong: a tracker follows what moves on in front of the surface at first, and loses it, and
+        finds the surface. What is right leads to the known poses.
         """
-        back: list[list[Run]] = [[] for _ in targets]
-        forward: list[list[Run]] = [[] for _ in targets]
-        for target, before, after in zip(targets, back, forward, strict=True):
-            if (fix := contradiction(target.known, target.runs)) is not None:
-                runs = check_runs(*fix, target.given, self.first, len(target.known) - 1)
-                before += [run for run in runs if run.backward]
-                after += [run for run in runs if not run.backward]
-        doubted = [target for target, *runs in zip(targets, back, forward, strict=True) if any(runs)]
-        if not doubted:
-            return
-        log.info("tracking from both ends what was tracked in two ways that contradict each other")
-        self._sweep_back(targets, back, "check back")
-        if there := list(chain.from_iterable(forward)):
-            first, last = min(run.anchor for run in there), max(run.stop or 0 for run in there)
-            self._forward(targets, forward, first, last + 1, "check")
-        for target in doubted:
-            target.known.cuts = sorted(self.cuts)
-            solve(target.known, target.runs, self.options.smooth)
+        for check in range(MOST_CHECKS):
+            back: list[list[Run]] = [[] for _ in targets]
+            forward: list[list[Run]] = [[] for _ in targets]
+            for target, before, after in zip(targets, back, forward, strict=True):
+                # What has proved wrong goes on to contradict what is right, but that does not leap.
+                place = contradicting(target.known, target.runs) if check == 0 else None
+                place = place or leap(target.known, target.runs)
+                if place is not None:
+                    runs = check_runs(*place, target.given, self.first, len(target.known) - 1)
+                    before += [run for run in runs if run.backward]
+                    after += [run for run in runs if not run.backward]
+            doubted = [target for target, *runs in zip(targets, back, forward, strict=True) if any(runs)]
+            if not doubted:
+                return
+            log.info("tracking both ways from a place that contradicts another")
+            self._sweep_back(targets, back, "check back")
+            if there := list(chain.from_iterable(forward)):
+                first, last = min(run.anchor for run in there), max(run.stop or 0 for run in there)
+                self._forward(targets, forward, first, last + 1, "check")
+            for target in doubted:
+                target.known.cuts = sorted(self.cuts)
+                solve(target.known, target.runs, self.options.smooth)
 
     def _again(self, targets: Sequence[Target]) -> None:
         """Tracks again what is uncertain and is seen more clearly later on than at first, with a picture of that.

@@ -34,10 +34,10 @@ def plane_pictures(
     wanted = set().union(*chosen)
     if wanted:
         first, end = min(wanted), max(wanted) + 1
-        show = Stage(listen, "look again", 0, end - first)
-        with ahead(reader.frames(first, end)) as frames:
+        show = Stage(listen, "look again", 0, len(wanted))
+        with ahead(reader.frames(first, end, wanted)) as frames:
             for frame in stop.watch(frames):
-                if frame.index in wanted and not frame.damaged:
+                if not frame.damaged:
                     seen = Observation(frame.image)
                     for builder, track, indices in zip(builders, tracks, chosen, strict=True):
                         if frame.index in indices:

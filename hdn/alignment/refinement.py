@@ -12,6 +12,7 @@ from ..imaging.arrays import Array, Floats, Grey, Image, Mask
 from ..imaging.blur import relative_blur, spectral_blur
 from ..imaging.homography import derivative, normalised, transform
 from ..imaging.observation import Observation
+from ..imaging.photometry import quantile
 from ..imaging.quads import mean_size, outline, side
 from .agreement import CELLS, Agreement, cell_means
 from .border import UNCONSTRAINED, Border
@@ -354,7 +355,7 @@ class Refiner:
 
     def _clear_correlation(self, correlation: Floats) -> float:
         """How well a clear cell agrees, in this frame's blur and noise: the best cells (8, 8) show it."""
-        return float(np.quantile(correlation[self.textured], MODEL.clear_quantile)) if self.textured.any() else 0.0
+        return quantile(correlation[self.textured], MODEL.clear_quantile) if self.textured.any() else 0.0
 
 
 def deviation_of(covariance: Array) -> float:

@@ -29,6 +29,14 @@ def normalise(image: Grey, window: int) -> tuple[Grey, Grey]:
     return np.asarray(centred / deviation, np.float32), np.asarray(deviation, np.float32)
 
 
+def quantile(values: NDArray[Float], share: float) -> float:
+    """What a share of some values (n,) lies below, as NumPy has it, whose own takes many times as long for few."""
+    ordered = np.sort(values)
+    below, part = divmod((len(ordered) - 1) * share, 1)
+    low, high = ordered[int(below)], ordered[min(int(below) + 1, len(ordered) - 1)]
+    return float(low + (high - low) * part if part < 0.5 else high - (high - low) * (1 - part))
+
+
 def tukey(residuals: NDArray[Float]) -> NDArray[Float]:
     """Weights 0..1 by Tukey's biweight, of residuals in units of their standard deviation."""
     return np.square(np.maximum(1 - np.square(residuals / TUKEY_CUTOFF), 0))

@@ -65,9 +65,12 @@ def core() -> Any:
     return ov.Core()
 
 
-def compiled(model: Any, threads: int | None = None) -> Function:
-    """The model as a function of arrays, in single precision, on so many threads or all there are."""
-    options: dict[str, str | int] = {**OPTIONS, "INFERENCE_NUM_THREADS": threads} if threads else {**OPTIONS}
+def compiled(model: Any, threads: int = 1) -> Function:
+    """The model as a function of arrays, in single precision, on so many threads; 0 for all there are.
+
+    Networks as small as ours take more processor time on several threads than on one, and the others have work.
+    """
+    options: dict[str, str | int] = {**OPTIONS, "INFERENCE_NUM_THREADS": threads}
     request = core().compile_model(model, "CPU", options).create_infer_request()
     outputs = len(model.outputs)
 
@@ -88,7 +91,7 @@ def engine(config: Config, models: Models, conclusion: Callable[..., tuple[Array
 
     @cache
     def surveying() -> Function:
-        return compiled(models["survey"])
+        return compiled(models["survey"], threads=0)  # of a whole frame
 
     functions = {name: compiled(model) for name, model in models.items() if name != "survey"}
     functions["survey"] = lambda *inputs: surveying()(*inputs)  # compiled only where a target is lost

@@ -279,7 +279,11 @@ class PictureBuilder:
     def _stack(self, views: Sequence["_View"], poses: Sequence[Array]) -> Stack:
         images, inside = (
             [
-                cv2.warpPerspective(picture, pose, self._size, flags=flags | cv2.WARP_INVERSE_MAP, borderMode=border)
+                picture
+                if np.array_equal(pose, np.eye(3))
+                else cv2.warpPerspective(
+                    picture, pose, self._size, flags=flags | cv2.WARP_INVERSE_MAP, borderMode=border
+                )
                 for picture, pose in zip(pictures, poses, strict=True)
             ]
             for pictures, flags, border in (
@@ -292,9 +296,12 @@ class PictureBuilder:
     def _view(self, index: int, frame: Observation, corners: Array) -> "_View":
         to_frame = from_corners(self._outline, corners)
         image = frame.colour.crop(to_frame, *self._size)
-        whole = np.full(frame.image.shape[:2], 255, np.uint8)
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        inside = np.asarray(cv2.warpPerspective(whole, to_frame, self._size, flags=flags), np.uint8)
+        if frame.colour.shows(to_frame, outline(*self._size), margin=1).all():
+            inside = np.full(self._size[::-1], 255, np.uint8)
+        else:
+            whole = np.full(frame.image.shape[:2], 255, np.uint8)
+            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            inside = np.asarray(cv2.warpPerspective(whole, to_frame, self._size, flags=flags), np.uint8)
         return _View(index, corners, to_frame, image, inside, sharpness_of(image, inside, self._cells))
 
 

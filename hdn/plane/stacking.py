@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ..alignment.agreement import cell_means
 from ..imaging.arrays import Floats, Image, Mask
@@ -167,18 +168,25 @@ def _robust_mean(values: Floats, weight: Floats) -> tuple[Floats, Floats, Floats
     grey = values @ LUMA
     used = weight > 0
     number = used.sum(0)
-    middle = np.maximum(number - 1, 0)[None] // 2
-    centre = np.take_along_axis(np.sort(np.where(used, grey, np.inf), 0), middle, 0)[0]
+    middle = np.maximum(number - 1, 0) // 2
+    centre = _ranked(np.where(used, grey, np.inf), middle)
     centre[number == 0] = 0
     for _ in range(MODEL.steps):
         off = np.abs(grey - centre)
-        spread = MAD_TO_DEVIATION * np.take_along_axis(np.sort(np.where(used, off, np.inf), 0), middle, 0)[0]
+        spread = MAD_TO_DEVIATION * _ranked(np.where(used, off, np.inf), middle)
         spread[number == 0] = 0
         robust = weight * tukey(off / np.maximum(spread, MODEL.least_spread_grey))
         total = np.maximum(robust.sum(0), 1e-6)
         colour = np.einsum("khw,khwc->hwc", robust, values) / total[..., None]
         centre = colour @ LUMA
     return colour, (robust > 0).sum(0).astype(np.float32), spread.astype(np.float32)
+
+
+def _ranked(values: Floats, rank: NDArray[np.intp]) -> Floats:
+    """The values (h, w) of a rank, from 0 on, of those (k, h, w) in each pixel."""
+    if (rank == rank[0, 0]).all():
+        return np.asarray(np.partition(values, rank[0, 0], 0)[rank[0, 0]])
+    return np.asarray(np.take_along_axis(np.sort(values, 0), rank[None], 0)[0])
 
 
 def _smooth(cells: Floats) -> Floats:

@@ -17,7 +17,7 @@ def end_with_parent() -> None:
 
 
 Thread(target=end_with_parent, daemon=True).start()
-words = [word for word in sys.argv[1:] if not word.startswith("--")]
+words = [word for word in sys.argv[1:] if word.startswith("/")]
 given = {word[2:].partition("=")[0]: word.partition("=")[2] for word in sys.argv[1:] if word.startswith("--")}
 output, (codec, _, seconds) = given["output"], given.get("codec", "").partition(":")
 notes = os.path.dirname(words[0]) + "/begun.txt"
@@ -45,4 +45,7 @@ os.replace(output + ".part", output)
 if "save-track" in given and codec == "tracked":
     with open(given["save-track"], "w") as file:
         file.write("a track")
+if codec == "doubt":
+    print(json.dumps({"output": output, "verdict": {"status": "check", "reasons": ["12 % held"]}}))
+    sys.exit(4)
 print(json.dumps({"output": output, "states": {"tracked": 3, "lost": 1}, "warnings": ["<odd> & \x01"]}))

@@ -42,7 +42,7 @@ def test_what_fails_while_working_is_tried_again_and_wrong_input_is_not(run: Run
 
 
 def test_one_that_goes_beyond_its_limits_is_ended_and_the_rest_is_done(run: Run, write: Write) -> None:
-    manifest = write({"codec": "sleep:30", "time_limit": 0.3}, {"codec": "memory", "memory_limit": "100MB"}, {})
+    manifest = write({"codec": "sleep:30", "time_limit": 0.3}, {"codec": "memory:10", "memory_limit": "100MB"}, {})
     begin = time.monotonic()
     status, out, _ = run(manifest, "--json", "--quiet", "--workers", 3)
     assert (status, endings(out)) == (1, {"1.mp4": "failed", "2.mp4": "failed", "3.mp4": "done"})
@@ -74,13 +74,23 @@ def test_the_summary_in_all_its_forms_has_the_worst_first(run: Run, write: Write
     assert "3 of 3" in err
     folder = tmp_path / "jobs.batch"
     content = json.loads((folder / "summary.json").read_text())
-    assert content["counts"] == {"failed": 1, "wrong": 1, "done": 1, "kept": 0}
+    assert content["counts"] == {"failed": 1, "wrong": 1, "doubtful": 0, "done": 1, "kept": 0}
     suites = ElementTree.parse(folder / "junit.xml").getroot()
     assert (suites.get("tests"), suites.get("failures"), suites.get("errors")) == ("3", "1", "1")
     assert [child.tag for case in suites.iter("testcase") for child in case] == ["failure", "error"]
     page = (folder / "summary.html").read_text()
     assert 'href="../out/1.mp4"' in page
     assert "&lt;odd&gt; &amp; " in page
+
+
+def test_a_verdict_that_strict_does_not_let_pass_is_told_each_time(run: Run, write: Write, begun: Begun) -> None:
+    jobs = {"codec": "doubt", "strict": True}, {"codec": "doubt"}, {}
+    for expected in ({"2.mp4": "done", "3.mp4": "done"}, {"2.mp4": "kept", "3.mp4": "kept"}):
+        status, out, _ = run(write(*jobs), "--quiet", "--json")
+        assert (status, endings(out)) == (1, {"1.mp4": "doubtful"} | expected)
+        assert json.loads(out)["jobs"][0]["message"] == "12 % held"
+        assert [Path(job["outputs"]["output"]).name for job in json.loads(out)["jobs"]] == ["1.mp4", "2.mp4", "3.mp4"]
+    assert len(begun()) == 3
 
 
 def test_what_is_done_is_skipped_and_what_changed_is_done_again(
@@ -109,7 +119,7 @@ def test_what_is_done_is_skipped_and_what_changed_is_done_again(
     assert run(write({}), "--quiet")[0] == 0
     assert begun() == []
 
-    monkeypatch.setattr(identity, "version", lambda name: "99")
+    monkeypatch.setattr(identity, "_version", lambda: "99")
     assert run(write({}), "--quiet")[0] == 0
     assert begun() == ["1.mp4"]
 
@@ -134,6 +144,16 @@ def test_a_file_that_no_job_made_is_never_replaced(run: Run, write: Write, begun
     assert (tmp_path / "out" / "3.mp4").read_text() == "edited by hand"
     assert run(write({}, {}, {"crf": 9}, defaults={"overwrite": True}), "--quiet")[0] == 0
     assert (tmp_path / "out" / "3.mp4").read_text() == "a video\na picture\n"
+
+
+def test_the_tracks_of_several_surfaces_are_not_replaced_either(run: Run, write: Write, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "t.2.json").write_text("mine")
+    job = {"surface": [["b.png", "0,0 9,0 9,9 0,9"]] * 2, "save_track": "out/t.json"}
+    status, out, _ = run(write(job), "--quiet", "--json")
+    assert (status, endings(out)) == (1, {"1.mp4": "wrong"})
+    (tmp_path / "out" / "t.2.json").unlink()
+    assert run(write(job), "--quiet")[0] == 0
 
 
 def test_a_job_that_failed_leaves_what_was_there_its_own(run: Run, write: Write, tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ MODES = {
 OPTIONS: dict[str, list[str]] = {
     "output": ["-o", "other.mp4"],
     "ad": [],
+    "pick": ["--pick"],
     "save_track": ["--save-track", "s.json"],
     "live": ["--live"],
     "surface": ["--surface", "b.png", *QUAD],

@@ -37,6 +37,14 @@ def test_a_range_and_a_second_reading(tmp_path: Path) -> None:
     assert list(reader.frames(20)) == []
 
 
+def test_some_frames_of_a_range(tmp_path: Path) -> None:
+    reader = VideoReader(clips.make_clip(tmp_path / "a.mp4", clips.numbered(20)))
+    some = list(reader.frames(2, 12, {1, 2, 7, 11, 12}))
+    assert numbers(some) == [frame.index for frame in some] == [2, 7, 11]
+    assert [frame.duration for frame in some] == [frame.duration for frame in reader.frames(2, 12)][:3]
+    assert numbers(list(reader.frames(only=range(1, 20, 6)))) == [1, 7, 13, 19]
+
+
 def test_backward_seeks_instead_of_decoding_everything_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clip = clips.make_clip(tmp_path / "b.mp4", clips.numbered(60), gop=10)
     monkeypatch.setattr("ar_demo.media.reader.BACKWARD_BYTES", 10 * 96 * 64 * 3 // 2)

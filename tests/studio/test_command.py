@@ -63,3 +63,14 @@ def test_wrong_input_is_said_in_one_line(run: Run, folder: Path) -> None:
             code, _, err = run(*arguments, "--no-browser", "--quiet")
             assert (code, err.count("\n")) == (2, 1), err
             assert message in err
+
+
+def test_ar_replace_picks_in_studio(run: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    served: list[object] = []
+    monkeypatch.setattr("ar_demo.studio.command.serve", lambda *given, **others: served.append((given, others)))
+    assert run(folder / "street.mp4", folder / "ad.png", "--pick", main=entry.replace_main)[0] == 0
+    assert served == [((folder / "street.mp4", folder / "ad.png", None, 0), {"opens_browser": True})]
+    code, _, err = run(folder / "street.mp4", "--pick", "--quad", "1,1 9,1 9,9 1,9", main=entry.replace_main)
+    assert (code, len(served)) == (2, 1)
+    assert "--quad does nothing beside --pick" in err
+    assert run("--pick", main=entry.replace_main)[0] == 2

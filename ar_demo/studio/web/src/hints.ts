@@ -41,7 +41,7 @@ function next(studio: Studio): Hint {
   }
   if (step === "track") return ofTrack(studio);
   if (step === "look") return { text: viewHint(studio) };
-  return { text: "" };
+  return { text: studio.view === "composite" ? "This is what will be written: play it." : viewHint(studio) };
 }
 
 function ofTrack(studio: Studio): Hint {

@@ -70,7 +70,8 @@ export function listen(studio: Studio, player: Player, stage: Zoomable, help: ()
       else studio.undo();
       return;
     }
-    if (event.altKey || target.matches("input, select, textarea")) return;
+    const onRange = target.matches("input[type=range]") && !/^(Arrow|Home|End|Page)/.test(event.key);
+    if (event.altKey || (target.matches("input, select, textarea") && !onRange)) return;
     if ((event.key === " " || event.key === "Enter") && target.closest("button, a, summary")) return;
     const action = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!action) return;

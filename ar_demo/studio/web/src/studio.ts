@@ -543,6 +543,7 @@ export class Studio {
       this.cameFrom = null;
     }
     if (task.kind === "render") await this.readOutputs();
+    if (task.state === "stopped") this.say("Stopped: nothing was changed.");
     this.changed();
   }
 }

@@ -16,6 +16,23 @@ export function bytes(n: number): string {
 export const stateName = (letter: string | undefined) =>
   ({ t: "tracked", h: "held", l: "lost" })[letter ?? ""] ?? "not tracked";
 
+const STAGES: Record<string, string> = {
+  track: "Following the surface",
+  "track back": "Following it backward",
+  check: "Checking what contradicts itself",
+  "check back": "Checking it backward",
+  "look again": "Collecting what was seen best",
+  render: "Drawing and writing",
+};
+
+/** What the server is doing, for people. */
+export function stageInWords(stage: string): string {
+  if (!stage) return "Beginning";
+  const again = stage.startsWith("again: ");
+  const name = again ? stage.slice(7) : stage;
+  return (STAGES[name] ?? name) + (again ? ", once more" : "");
+}
+
 /** What a reader of the time line hears of a frame. */
 export function frameInWords(video: Video, frame: number, track: Track | null): string {
   const place = `frame ${frame} of ${video.frames - 1}, ${clock(video.times[frame] ?? 0)}`;

@@ -30,6 +30,16 @@ export function finish(studio: Studio) {
   ];
   const set = (change: (r: Rendering) => void) => studio.edit("", (doc) => change(doc.rendering));
   return html`
+    ${studio.outputs.length && !running
+      ? html`<div class="card">
+          <h2>Ready</h2>
+          <ul class="plain">
+            ${studio.outputs.map((o) => html`<li><span class="grow">${o.name} <small>${bytes(o.bytes)}</small></span>
+              <a class="button" href=${outputAddress(o.id)} download=${o.name}>${icons.save} Download</a></li>`)}
+          </ul>
+          <p class="hint">It lies beside the video as well.</p>
+        </div>`
+      : nothing}
     <div class="card">
       <h2>Render the video</h2>
       ${running
@@ -55,12 +65,6 @@ export function finish(studio: Studio) {
               ? html`<button class="primary wide" type="button" @click=${() => void studio.render(name, true)}>Replace ${name}</button>`
               : html`<button class="primary wide" type="button" ?disabled=${untracked || studio.isBusy} @click=${() => void studio.render(name)}>Render</button>`}
           `}
-      ${studio.outputs.length
-        ? html`<h3>Ready</h3><ul class="plain">
-            ${studio.outputs.map((o) => html`<li><span class="grow">${o.name} <small>${bytes(o.bytes)}</small></span>
-              <a class="button" href=${outputAddress(o.id)} download=${o.name}>${icons.save} Download</a></li>`)}
-          </ul>`
-        : nothing}
     </div>
     <div class="card">
       <h2>Or render elsewhere</h2>

@@ -5,14 +5,14 @@ import { failure, range, toggle } from "../controls";
 import { icons } from "../icons";
 import type { Surface, Task, Track } from "../model";
 import type { Studio } from "../studio";
-import { clock, counted, doubtful } from "../words";
+import { clock, counted, doubtful, stageInWords } from "../words";
 
 export function progress(task: Task, stop: () => void) {
   const { stage, done, total } = task;
   const share = total ? Math.min(1, done / total) : null;
   return html`<div class="progress" role="group" aria-label="Progress">
-    <p><strong>${stage || "Beginning"}</strong> <span>${total ? `${done} of ${total}` : done || ""}</span></p>
-    <progress aria-label=${stage || "Progress"} max="1" .value=${share ?? 0}></progress>
+    <p><strong>${stageInWords(stage)}</strong> <span>${total ? `${done} of ${total}` : done || ""}</span></p>
+    <progress aria-label=${stageInWords(stage)} max="1" .value=${share ?? 0}></progress>
     <button class="quiet" type="button" @click=${stop}>Stop</button>
   </div>`;
 }
