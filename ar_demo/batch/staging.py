@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +19,8 @@ from ..media.sequences import pictures_of
 from . import addresses
 from .cache import Cache
 from .options import options
+
+STOPPED = "it was stopped"
 
 
 @dataclass(frozen=True)
@@ -57,15 +59,21 @@ class Staged:
         self._outputs.append((here, name))
         return here
 
-    def publish(self) -> None:
+    def told(self, text: str) -> str:
+        """A text where outputs are called by their places."""
+        for here, name in self._outputs:
+            text = text.replace(here, name)
+        return text
+
+    def publish(self, stopped: Callable[[], bool]) -> None:
         """Puts all outputs that there are in their places, each whole; the first one, which the others tell of, last.
 
         Raises:
-            RunError: one cannot be.
+            RunError: one cannot be, or the job is stopped meanwhile.
         """
         for here, name in reversed(self._outputs):
             for file, place in _files(here, name):
-                put(file, place)
+                put(file, place, stopped)
 
 
 @contextmanager
@@ -96,13 +104,15 @@ def staged(values: dict[str, Any], place: Place) -> Iterator[Staged]:
         yield here
 
 
-def put(file: str, place: str) -> None:
+def put(file: str, place: str, stopped: Callable[[], bool] = lambda: False) -> None:
     """Copies a file to its place, whole or not at all.
 
     Raises:
-        RunError: it cannot be.
+        RunError: it cannot be, or the job is stopped meanwhile, which somebody else may be doing anew.
     """
     if is_url(place):
+        if stopped():
+            raise RunError(STOPPED)
         addresses.upload(file, place)
         return
     folder, name = os.path.split(place)
@@ -115,11 +125,15 @@ def put(file: str, place: str) -> None:
             target.flush()
             os.fsync(target.fileno())
         os.chmod(part, os.stat(file).st_mode & 0o777)
+        if stopped():
+            raise RunError(STOPPED)
         os.replace(part, place)
+        part = None
     except OSError as error:
+        raise RunError(f"cannot write {place}: {reason_of(error)}") from error
+    finally:
         if part is not None:
             Path(part).unlink(missing_ok=True)
-        raise RunError(f"cannot write {place}: {reason_of(error)}") from error
 
 
 def put_content(content: bytes, place: str) -> None:

@@ -63,8 +63,10 @@ def execute(
             if task.content is not None:
                 track.write_bytes(task.content)
             outcome = _run(task, here, place, stopped, kept_open)
-            here.publish()
-            return replace(outcome, track=track.read_bytes()) if own == "save_track" and track.exists() else outcome
+            here.publish(stopped)
+            made = track.read_bytes() if own == "save_track" and track.exists() else None
+            result = {n: here.told(said) if isinstance(said, str) else said for n, said in outcome.result.items()}
+            return replace(outcome, result=result, message=here.told(outcome.message), track=made)
     except InputError as error:
         return Outcome(BAD_INPUT, message=str(error))
     except RunError as error:

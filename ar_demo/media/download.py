@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 
 TIMEOUT_SECONDS = 30.0  # without an answer, after which a server counts as gone
 _BLOCK_BYTES = 1 << 20
+_RESERVE_BYTES = 1 << 28  # that others are left on the disk
 # Kinds of answers that are no video file, and what they are.
 _OTHERS = {
     "text/html": "a web page: give the address of the video file itself",
@@ -88,6 +89,8 @@ class Download:
                 with self.path.open("wb") as file:
                     while block := answer.read(_BLOCK_BYTES):
                         file.write(block)
+                        if shutil.disk_usage(self._folder.name).free < _RESERVE_BYTES:
+                            raise RunError(f"{url} has no end, or there is no room for it in {self._folder.name}")
                     fetched = file.tell()
         except urllib.error.HTTPError as error:
             raise InputError(f"cannot fetch {url} ({error.code} {error.reason}): check the address") from error

@@ -81,6 +81,8 @@ def test_jobs_are_done_by_workers(run: Run, write: Write, tmp_path: Path, cluste
     assert found == {1: ("done", 1, ""), 2: ("done", 2, ""), 3: ("wrong", 1, "that cannot be")}
     assert (tmp_path / "out" / "1.mp4").read_text() == "a video\na picture\n"
     assert (tmp_path / "out" / "3.mp4.log").read_text() == "error: that cannot be\n"
+    result = json.loads((tmp_path / "out" / "1.mp4.json").read_text())["result"]
+    assert result["output"] == str(tmp_path / "out" / "1.mp4")  # and not where the worker made it
     files = {f"{n}.mp4{ending}" for n in (1, 2) for ending in ("", ".json", ".log")}
     assert {path.name for path in (tmp_path / "out").iterdir()} == files | {"3.mp4.log"}
     status, out, _ = run(write({}, {"codec": "fail-once"}), "--scheduler", cluster.address, "--json", "--quiet")
@@ -120,6 +122,20 @@ def test_a_batch_that_is_killed_ends_the_jobs_of_the_workers_and_goes_on(
     os.waitpid(pid, 0)
     assert not children_of_the_batch(cluster.folder)
     assert run(write({"codec": "sleep:0.1"}, {}), "--scheduler", cluster.address, "--quiet")[0] == 0
+
+
+def test_on_a_slow_disk_an_output_appears_whole(run: Run, write: Write, tmp_path: Path, cluster: Cluster) -> None:
+    (tmp_path / "a.mp4").write_text("slow" * 10_000)
+    pid = fork_batch(write({}), "--scheduler", cluster.address)
+    wait_until(lambda: bool(list(tmp_path.glob("out/.ar-batch-*.mp4"))))
+    assert not (tmp_path / "out" / "1.mp4").exists()
+    os.kill(pid, signal.SIGKILL)  # while it is copied
+    os.waitpid(pid, 0)
+    (tmp_path / "a.mp4").write_text("quick" * 10_000)
+    assert run(write({}), "--scheduler", cluster.address, "--quiet")[0] == 0
+    assert (tmp_path / "out" / "1.mp4").read_text() == "quick" * 10_000 + "\na picture\n"
+    wait_until(lambda: len(list((tmp_path / "out").iterdir())) == 3)
+    assert (tmp_path / "out" / "1.mp4").stat().st_size == 50_011
 
 
 def test_a_full_disk_fails_one_job_and_loses_none(

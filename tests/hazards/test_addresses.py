@@ -1,5 +1,6 @@
 """Videos at http addresses: fetched whole, whatever the server can do, or refused in one line that says what to do."""
 
+import shutil
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -110,6 +111,15 @@ def test_other_failures_say_what_to_do(server: Server, tmp_path: Path) -> None:
     server.server_close()
     with pytest.raises((InputError, RunError), match="cannot fetch"):
         VideoReader(f"http://127.0.0.1:{port}/clip.mp4")
+
+
+def test_an_answer_without_end_does_not_fill_the_disk(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    server.content = bytes(8 << 20)
+    room = shutil.disk_usage("/")
+    free = iter([1 << 40, (1 << 28) + 1, (1 << 28) - 1])
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: room._replace(free=next(free)))
+    with pytest.raises(RunError, match="has no end, or there is no room for it"):
+        Download(address(server, "unknown/clip.mp4"))
 
 
 def test_names() -> None:
