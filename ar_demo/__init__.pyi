@@ -1,4 +1,4 @@
-from .errors import InputError, RunError, Stopped
+from .errors import InputError, NotFound, RunError, Stopped
 from .export.exporting import ExportOptions, export_track
 from .export.formats import Exporter
 from .export.keys import Keys
@@ -30,6 +30,7 @@ __all__ = [
     "Limits",
     "LiveSession",
     "Moment",
+    "NotFound",
     "OutputOptions",
     "PlanarTracker",
     "Progress",

@@ -4,11 +4,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from hdn import Observation, Tracker
 from hdn.imaging.arrays import Array
-from hdn.imaging.homography import transform
+from hdn.imaging.homography import from_corners, transform
+from hdn.imaging.quads import mean_size, outline
 from hdn.imaging.regions import Region
 from hdn.networks.engine import Engine
 from hdn.plane.keypoints import covariance_of_matches
@@ -25,6 +27,8 @@ class CheckModel:
     min_cohesion: float = 0.2  # share of the picture that agrees and hangs together
     same_pose: float = 15.5  # squared Mahalanobis distance of two poses, up to which they are one: 95 % of those are
     min_weight: float = 0.01  # of a part that is not seen
+    sharpness_side_px: int = 160  # of the rectified view whose sharpness is told
+    sharpness_blur_px: float = 0.8  # standard deviation of the Gaussian over it, against noise
     unsure_deviation: float = 0.1  # of the corners, as a share of the size: more is no place
 
 
@@ -39,12 +43,14 @@ class Checked(NamedTuple):
         deviation: of them, px.
         score: 0..1, share of the picture's cells in the frame that agree.
         is_there: whether that is enough.
+        sharpness: mean square slope of the rectified view, to its variance, px^-2; 0 where it is not there.
     """
 
     corners: Array
     deviation: float
     score: float
     is_there: bool
+    sharpness: float
 
 
 class Checker:
@@ -75,7 +81,16 @@ class Checker:
                 deviation = refiner.deviation(both.homography, both.covariance)
         size = float(np.linalg.norm(np.roll(corners, -1, 0) - corners, axis=1).mean())
         is_there = is_there and deviation < MODEL.unsure_deviation * size
-        return Checked(corners, deviation, evidence.agreement, is_there)
+        sharpness = self._sharpness(frame, from_corners(quad, corners), quad) if is_there else 0.0
+        return Checked(corners, deviation, evidence.agreement, is_there, sharpness)
+
+    def _sharpness(self, frame: Observation, homography: Array, quad: Array) -> float:
+        """How sharp a frame shows what is at a pose (3, 3) of a picture with corners (4, 2)."""
+        width, height = np.ceil(mean_size(quad) * MODEL.sharpness_side_px / mean_size(quad).max()).astype(int).tolist()
+        view = frame.grey.crop(homography @ from_corners(outline(width, height), quad), width, height)
+        smooth = cv2.GaussianBlur(view.astype(np.float32), (0, 0), MODEL.sharpness_blur_px)
+        slopes = np.square(np.diff(smooth, axis=0)).mean() + np.square(np.diff(smooth, axis=1)).mean()
+        return float(slopes / max(float(smooth.var()), 1.0))
 
     def _tracker(self, number: int) -> Tracker:
         if number not in self._trackers:

@@ -20,10 +20,18 @@ class MatchModel:
     """Constants of the match of a frame with pictures."""
 
     most_keypoints: int = 2000  # of a frame, the strongest
+    # Of many pictures, approximate neighbours tell those that may be in a frame (k-d trees; Muja and Lowe, 2009).
+    most_likely: int = 6  # that are matched exactly
+    trees: int = 4
+    checks: int = 64  # leaves that are looked at for a keypoint
+    neighbours: int = (
+        8  # of a keypoint; it votes for the picture of the nearest, if that is clearly nearer than the last
+    )
+    min_votes: int = 4
     min_likeness: float = 0.8  # product of two descriptors, for a match
     max_distance_ratio: float = 0.85  # of the nearest descriptor to the nearest one elsewhere in the same picture
     tolerance: float = 0.004  # of the frame's longer side, that a match may be off from a homography
-    min_matches: int = 7  # that agree on one
+    min_matches: int = 5  # that agree on one
     iterations: int = 5000  # of MAGSAC
     certainty: float = 0.999
     most_places: int = 12  # of a picture in a frame
@@ -31,6 +39,7 @@ class MatchModel:
 
 
 MODEL = MatchModel()
+KD_TREES = 1  # FLANN's number for them
 
 
 class Place(NamedTuple):
@@ -53,6 +62,11 @@ class Matcher:
 
     def __init__(self, pictures: Sequence[Picture]) -> None:
         self._pictures = pictures
+        self._index = None
+        if len(pictures) > MODEL.most_likely:
+            self._owners = np.repeat(np.arange(len(pictures)), [len(picture.points) for picture in pictures])
+            self._all = np.concatenate([picture.descriptors for picture in pictures])
+            self._index = cv2.flann.Index(self._all, {"algorithm": KD_TREES, "trees": MODEL.trees})
 
     def places(self, frame: Observation, longest: int) -> Iterator[Place]:
         """Where pictures may be in a frame, whose keypoints are looked for with at most so many px on its longer side.
@@ -61,9 +75,20 @@ class Matcher:
         """
         points, descriptors = find_keypoints(frame.grey, MODEL.most_keypoints, longest=longest)
         descriptors = unit_descriptors(descriptors)
-        for number, picture in enumerate(self._pictures):
+        for number in self._likely(descriptors):
+            picture = self._pictures[number]
             own, theirs = _matches(descriptors, picture)
             yield from self._agreed(number, picture.points[theirs], points[own], max(frame.colour.size))
+
+    def _likely(self, descriptors: Floats) -> list[int]:
+        """The numbers of the pictures that keypoints of a frame, with descriptors (K, 128), may be of."""
+        if self._index is None or not len(descriptors):
+            return [*range(len(self._pictures))]
+        found, squared = self._index.knnSearch(descriptors, MODEL.neighbours, params={"checks": MODEL.checks})
+        clear = squared[:, 0] < MODEL.max_distance_ratio**2 * squared[:, -1]
+        votes = np.bincount(self._owners[found[clear, 0]], minlength=len(self._pictures))
+        likely = np.argsort(-votes, kind="stable")[: MODEL.most_likely]
+        return sorted(int(number) for number in likely if votes[number] >= MODEL.min_votes)
 
     def _agreed(self, number: int, source: Array, target: Array, frame_side: int) -> Iterator[Place]:
         """Places on which matches (M, 2) of a picture's pixels and the frame's agree."""

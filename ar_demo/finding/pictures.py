@@ -1,6 +1,6 @@
 """The pictures that are looked for, with their keypoints as seen from far, from near and from aside."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from hdn.imaging.arrays import Array, Floats, Image, Mask
+from hdn.imaging.arrays import Floats, Image, Mask
 from hdn.imaging.observation import Keypoints, find_keypoints
 from hdn.imaging.pyramid import Pyramid
 from hdn.imaging.quads import outline
@@ -145,9 +145,3 @@ def unit_descriptors(descriptors: Floats) -> Floats:
     """SIFT descriptors (N, 128) as RootSIFT (Arandjelovic and Zisserman, 2012): their products tell their likeness."""
     total = np.maximum(descriptors.sum(1, keepdims=True), 1e-9)
     return np.asarray(np.sqrt(descriptors / total), np.float32)
-
-
-def stacked(pictures: Sequence[Picture]) -> tuple[Floats, Array]:
-    """All descriptors (N, 128) of pictures, and where each picture's begin and end, (len + 1,)."""
-    ends = np.cumsum([0, *(len(picture.points) for picture in pictures)])
-    return np.concatenate([picture.descriptors for picture in pictures]), ends

@@ -34,11 +34,11 @@ log = logging.getLogger(__name__)
 class SearchModel:
     """Which frames are looked at, how closely, and which sightings are of one appearance."""
 
-    interval_s: Fraction = Fraction(1, 3)  # from one frame that is looked at to the next
+    interval_s: Fraction = Fraction(2, 5)  # from one frame that is looked at to the next
     min_looks: int = 24  # frames that are looked at in all, though they be closer to each other in a short video
     longest_px: int = 960  # of the frame's longer side, where keypoints are looked for; else it is halved
-    close_px: int = 1920  # the same in frames that are looked at closely, for what is small
-    close_interval: int = 3  # frames that are looked at, to one that is looked at closely
+    close_px: int = 1920  # the same in frames that are looked at closely, for what is small, if nothing was found
+    close_interval: int = 4  # frames that are looked at, to one that is looked at closely
     same_place: float = 0.3  # overlap of two pictures in one frame, from which only the surer one is there
     same_thing: float = 0.15  # overlap of a picture with itself in the frame looked at before, if there was no cut
 
@@ -165,7 +165,7 @@ def _sightings(
     found: list[Sighting] = []
     is_large = max(width, height) > MODEL.longest_px
     for longest in (MODEL.longest_px, MODEL.close_px) if close and is_large else (MODEL.longest_px,):
-        for place in matcher.places(observation, longest):
+        for place in matcher.places(observation, longest) if not found else ():
             checked = checker.check(observation, place)
             whole = is_whole(checked.corners, width, height)
             sighting = Sighting(
@@ -177,6 +177,7 @@ def _sightings(
                 checked.deviation,
                 len(place.target),
                 whole,
+                checked.sharpness,
             )
             if checked.is_there:
                 found.append(sighting)

@@ -1,5 +1,6 @@
 """What was seen of a picture, and where: in one frame, and over a stretch of them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -10,8 +11,10 @@ import numpy as np
 from hdn.imaging.arrays import Array
 from hdn.imaging.quads import LIMITS, area, side
 
+SHARP = 0.9  # of the sharpest sighting's sharpness: differences below are of no use to tracking
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Sighting:
     """A picture in one frame.
 
@@ -23,6 +26,7 @@ class Sighting:
         deviation: standard deviation of the corners, px.
         matches: keypoints that agree.
         is_whole: whether it lies wholly inside the frame.
+        sharpness: of what is seen of it, see `checking.Checked`.
     """
 
     picture: int
@@ -33,6 +37,7 @@ class Sighting:
     deviation: float
     matches: int
     is_whole: bool
+    sharpness: float
 
     @property
     def surety(self) -> tuple[float, int]:
@@ -76,8 +81,8 @@ class Appearance:
 
     @property
     def best(self) -> Sighting:
-        """The one to track from: wholly inside the frame if there is such, as exact as can be."""
-        return min(self.sightings, key=lambda one: (not one.is_whole, one.exactness))
+        """The one to track from, see `best_of`."""
+        return best_of(self.sightings)
 
 
 @dataclass
@@ -88,8 +93,8 @@ class Instance:
 
     @property
     def best(self) -> Sighting:
-        """The one to track from."""
-        return min((each.best for each in self.appearances), key=lambda one: (not one.is_whole, one.exactness))
+        """The one to track from, see `best_of`."""
+        return best_of([one for each in self.appearances for one in each.sightings])
 
     def summary(self) -> dict[str, Any]:
         """As JSON can hold it: where it is seen best, and from when to when it is seen."""
@@ -104,6 +109,13 @@ class Instance:
             for each in self.appearances
         ]
         return {"best": self.best.summary(), "seen": spans}
+
+
+def best_of(sightings: Sequence[Sighting]) -> Sighting:
+    """The one to track from: wholly inside the frame if there is such, sharp, and as exact as can be."""
+    whole = [one for one in sightings if one.is_whole] or sightings
+    sharpest = max(one.sharpness for one in whole)
+    return min((one for one in whole if one.sharpness >= SHARP * sharpest), key=lambda one: one.exactness)
 
 
 def instances(appearances: list[Appearance]) -> list[Instance]:
