@@ -43,7 +43,8 @@ class FramesModel:
     memory_bytes: int = 48 << 20  # of pictures that were made smaller, or are not kept on disk
     whole_bytes: int = 96 << 20  # of the latest frames that were decoded, at full size
     before_frames: int = 12  # that are kept at full size on a long way from a key frame to one that is asked for
-    block_frames: int = 48  # that are decoded at once where somebody scrubs backwards
+    block_frames: int = 96  # that are decoded at once where somebody scrubs backwards
+    scrub_frames: int = 16  # from one that is asked for to the next, at most, for that to be scrubbing
     ahead_frames: int = 48  # that are decoded before they are asked for
     skip_frames: int = 12  # from which on a key frame on the way is gone to
     idle_seconds: float = 0.3  # without a request, after which all other frames are decoded
@@ -266,7 +267,7 @@ class Frames(AbstractContextManager["Frames"]):
 
     def _soon(self) -> range:
         """Frames in the direction of scrubbing."""
-        if len(self._asked) < 2:
+        if len(self._asked) < 2 or abs(self._asked[1] - self._asked[0]) > self._model.scrub_frames:
             return range(0)
         before, last = self._asked
         if before < last:
@@ -280,9 +281,7 @@ class Frames(AbstractContextManager["Frames"]):
         """Decodes the next frame on the way to one."""
         if not self._leads_to(goal):
             self._close_iteration()
-            # Whoever jumped there may go on backwards.
-            begin = max(goal - self._model.before_frames, self._reader.key_before(goal))
-            self._iteration = self._reader.frames(begin if self._waiting else goal)
+            self._iteration = self._reader.frames(self._begin(goal))
         assert self._iteration is not None
         frame = next(self._iteration, None)
         if frame is None:
@@ -290,14 +289,26 @@ class Frames(AbstractContextManager["Frames"]):
             raise Refusal(404, f"frame {goal} cannot be decoded: the file is damaged")
         self._at = frame.index + 1
         with self._changed:
-            is_awaited = bool(self._waiting)
-            future = self._waiting.pop(frame.index, None)
-        if is_awaited:
+            future = self._waiting.get(frame.index)
+            may_take_time = not self._waiting or frame.index in self._soon()
+            near = bool(self._waiting) and goal - frame.index < self._model.before_frames
+            self._waiting.pop(frame.index, None)
+        if near or future is not None:
             self._whole.put(frame.index, frame.view, frame.view.nbytes)
         if future is not None:
             future.set_result(frame.view)
-        if frame.index not in self._kept and (future is not None or not is_awaited):
+        if frame.index not in self._kept and (future is not None or may_take_time):
             self._kept.put(frame.index, jpeg(scaled(frame.view, self._model.kept_height_px)))
+
+    def _begin(self, goal: int) -> int:
+        """The first frame that is given out on the way from a key frame to one that is wanted."""
+        key = self._reader.key_before(goal)
+        with self._changed:
+            on_the_way = [index for index in self._waiting if key <= index <= goal]
+        if goal not in on_the_way:
+            return goal
+        # Whoever jumped there may go on backwards.
+        return min(*on_the_way, max(goal - self._model.before_frames, key))
 
     def _leads_to(self, goal: int) -> bool:
         """Whether a frame is best reached from where decoding stands."""

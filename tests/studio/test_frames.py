@@ -1,14 +1,16 @@
 """Frames by their numbers, in whichever order they are asked for, of files of all kinds."""
 
 import random
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ar_demo.media.reader import VideoReader
+from ar_demo.media.reader import Frame, VideoReader
 from ar_demo.studio.errors import Refusal
 from ar_demo.studio.frames import Bounded, Frames, FramesModel, Pile
 from ar_demo.studio.pictures import from_jpeg
@@ -23,7 +25,7 @@ LAZY = FramesModel(idle_seconds=1e6)  # decodes what is asked for
 @pytest.fixture(scope="module")
 def numbered(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One long group of pictures, with B frames."""
-    options = {"preset": "medium", "bf": "3"}
+    options = {"preset": "medium", "bf": "3", "sc_threshold": "0"}
     return clips.make_clip(tmp_path_factory.mktemp("n") / "n.mp4", clips.numbered(COUNT), gop=COUNT, options=options)
 
 
@@ -38,6 +40,32 @@ def test_each_number_has_its_frame(numbered: Path, order: Callable[[list[int]], 
         for index in order([*range(0, COUNT, 3)]):
             assert number(frames.picture(index)) == index
             assert number(frames.picture(index, 32)) == index
+
+
+def test_frames_of_one_group_come_in_one_pass(numbered: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As thumbnails, which are asked for all at once."""
+    with VideoReader(numbered) as reader, Frames(reader, COUNT, LAZY) as frames:
+        frames.picture(0)
+        assert reader.key_before(COUNT - 1) == 0
+        begun: list[int] = []
+        decode = reader.frames
+        may_go_on = threading.Event()
+
+        def count(start: int) -> Iterator[Frame]:
+            assert may_go_on.wait(20)
+            begun.append(start)
+            return decode(start)
+
+        monkeypatch.setattr(reader, "frames", count)
+        wanted = [*range(20, COUNT, 10)]
+        with ThreadPoolExecutor(len(wanted)) as pool:
+            found = [pool.submit(frames.picture, index, 32) for index in wanted]
+            end = time.monotonic() + 20
+            while len(frames._waiting) < len(wanted) and time.monotonic() < end:
+                time.sleep(0.01)
+            may_go_on.set()
+            assert [number(each.result()) for each in found] == wanted
+        assert len(begun) <= 2  # the first may have begun before the others were asked for
 
 
 def test_a_frame_is_as_high_as_it_is_asked_for(numbered: Path) -> None:
