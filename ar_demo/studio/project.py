@@ -60,7 +60,10 @@ log = logging.getLogger(__name__)
 JOB, TRACK = ".job.json", ".track.json"
 SAME_PX = 2e-3  # within which corners are the same: the page gets them to a thousandth
 # What the page offers, by the names of `CHOICES`.
-OFFERED = ("fit", "playback", "blend", "lost", "effect", "grain", "audio", "depth")
+OFFERED = (
+    *("fit", "playback", "blend", "lost", "effect", "grain", "softness", "first_light", "surface_kind"),
+    *("audio", "depth"),
+)
 
 
 @dataclass

@@ -19,7 +19,19 @@ from msgspec import UNSET, Meta, Struct
 
 from hdn.imaging.arrays import Array
 
-from ..choices import AudioMode, Blend, Depth, Effect, Fit, Grain, Lost, Playback
+from ..choices import (
+    AudioMode,
+    Blend,
+    Depth,
+    Effect,
+    FirstLight,
+    Fit,
+    Grain,
+    Lost,
+    Playback,
+    Softness,
+    SurfaceKind,
+)
 from ..cli.jobs import JobEntry, KeyframeEntry, SurfaceEntry
 from ..errors import InputError
 from ..frame_range import FrameRange
@@ -32,8 +44,12 @@ Point = tuple[float, float]
 Corners = Annotated[list[Point], Meta(min_length=4, max_length=4)]
 Polygon = Annotated[list[Point], Meta(min_length=3, max_length=200)]
 Number = Annotated[int, Meta(ge=0)]
+NotNegative = Annotated[float, Meta(ge=0)]
 
-LOOK = ("fit", "playback", "blend", "opacity", "feather", "lost", "effect", "flat", "shutter", "grain")
+LOOK = (
+    *("fit", "playback", "blend", "opacity", "feather", "lost", "effect", "flat", "shutter", "grain"),
+    *("inset", "radius", "softness", "first_light", "surface_kind"),
+)
 _DEFAULTS: dict[str, Any] = {f.name: f.default for f in fields(Surface) if f.name in LOOK}
 
 
@@ -76,12 +92,17 @@ class SurfaceState(Struct):
     playback: Playback = "loop"
     blend: Blend = "normal"
     opacity: Annotated[float, Meta(ge=0, le=1)] = 1.0
-    feather: Annotated[float, Meta(ge=0)] = 0.0
+    feather: NotNegative = 0.0
     lost: Lost = "fade"
     effect: Effect = "replace"
     flat: bool = False
     shutter: Annotated[float, Meta(ge=0, le=360)] | None = None
     grain: Grain = "auto"
+    inset: NotNegative = 0.0
+    radius: NotNegative = 0.0
+    softness: Softness = "auto"
+    first_light: FirstLight = "auto"
+    surface_kind: SurfaceKind = "print"
     track: TrackState | None = None
 
     def place(self, tracking: TrackingState) -> Place:
@@ -103,7 +124,11 @@ class SurfaceState(Struct):
 
     def look(self) -> dict[str, Any]:
         """The fields of `Surface` that say how the ad looks, without those that do nothing beside the others."""
-        idle = (*(ADS_ALONE if self.effect != "replace" else ()), *(IN_SCENE_ALONE if self.flat else ()))
+        idle = {
+            *(ADS_ALONE if self.effect != "replace" else ()),
+            *(("inset", "radius") if self.effect == "outline" else ()),
+            *(IN_SCENE_ALONE if self.flat else ()),
+        }
         return {name: getattr(self, name) for name in LOOK if name not in idle}
 
     def surface(self, ad: Path | None, track: Track | None, keyframes: Mapping[int, Array]) -> Surface:

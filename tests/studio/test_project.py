@@ -2,6 +2,7 @@
 
 import json
 import threading
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ from ar_demo.cli.jobs import load_job
 from ar_demo.errors import InputError
 from ar_demo.session import Session
 from ar_demo.studio.project import Project
-from ar_demo.studio.state import Change
+from ar_demo.studio.state import LOOK, Change, SurfaceState
 from ar_demo.studio.workspace import Workspace
+from ar_demo.surface import Surface
 
 from ..scenes import Scene, error, path
 from .conftest import FRAMES, Studio
@@ -92,6 +94,13 @@ def test_an_unfinished_surface_is_kept_and_the_command_line_says_what_is_missing
     assert again(studio).content["surfaces"][0]["fit"] == "cover"
     with pytest.raises(InputError, match=r"neither quad, find nor track.*surfaces\[0\]"):
         load_job(studio.folder / "street.job.json").surfaces_with({})
+
+
+def test_every_option_of_a_surface_is_known() -> None:
+    """One that was not would be lost when the page saves."""
+    place = {"ad", "quad", "snap", "start", "region", "exclude", "keyframes", "track", "find"}
+    assert set(LOOK) == {field.name for field in fields(Surface)} - place
+    assert set(LOOK) < set(SurfaceState.__struct_fields__)
 
 
 def test_what_the_page_does_not_know_stays_in_the_job_file(folder: Path) -> None:

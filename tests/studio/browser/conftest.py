@@ -45,9 +45,9 @@ class Server:
     admission: Any
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def server(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """ar-studio for all tests, each of which has a folder of its own below its root."""
+    """ar-studio for the tests of a file, at most eight, each of which has a folder of its own below its root."""
     root = tmp_path_factory.mktemp("root")
     code = "from ar_demo.cli.entry import studio_main; studio_main()"
     command = [sys.executable, "-c", code, "--root", str(root), "--no-browser"]

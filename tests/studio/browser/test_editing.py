@@ -37,6 +37,15 @@ def test_corners_move_by_a_tenth_of_a_pixel_and_back(visit, folder):
     assert np.allclose(job(folder)["surfaces"][0]["quad"], person.corners(), atol=0.06)
 
 
+def test_a_likely_rectangle_is_taken_by_its_number(visit):
+    person = visit()
+    person.page.get_by_role("button", name="Take likely rectangle 1").click()
+    person.wait_for("Marked in frame 0")
+    person.until(lambda: np.abs(person.corners() - QUAD).max() < 2)
+    person.press("Control+z")
+    person.wait_for("Where is the surface?")
+
+
 def test_a_reload_and_a_second_tab_lose_nothing(visit, folder):
     person = marked(visit())
     before = person.corners()

@@ -38,6 +38,11 @@ export const newSurface = (defaults: Partial<Surface> = {}): Surface => ({
   flat: false,
   shutter: null,
   grain: "auto",
+  inset: 0,
+  radius: 0,
+  softness: "auto",
+  first_light: "auto",
+  surface_kind: "print",
   track: null,
   ...defaults,
 });

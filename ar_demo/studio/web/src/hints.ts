@@ -21,13 +21,13 @@ function next(studio: Studio): Hint {
   if (studio.isBusy && studio.task?.kind === "track") return { text: "Tracking: the outline shows what was found." };
   if (studio.isPlacing) {
     const n = studio.placing.length;
-    const ad = surface.ad ? "the ad's" : "the surface's";
+    const whose = surface.ad ? "the ad's" : "the surface's";
     const undo: [string, () => void][] = n ? [["Start over", () => {
       studio.placing = [];
       studio.changed();
     }]] : [];
     const or = !n && studio.shownProposals.length ? ", or take a rectangle by its number" : "";
-    return { text: `Click where ${ad} ${CORNER_NAMES[n]} corner shall be${or}.`, actions: undo };
+    return { text: `Click ${whose} ${CORNER_NAMES[n]} corner${or}.`, actions: undo };
   }
   if (step === "mark") {
     if (frame === surface.start) return { text: "Drag the corners until they fit; the loupe shows single pixels." };

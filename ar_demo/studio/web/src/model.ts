@@ -54,6 +54,11 @@ export interface Surface {
   flat: boolean;
   shutter: number | null;
   grain: string;
+  inset: number;
+  radius: number;
+  softness: string;
+  first_light: string;
+  surface_kind: string;
   track: TrackRef | null;
 }
 

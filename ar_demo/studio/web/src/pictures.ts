@@ -2,6 +2,7 @@
 
 import { sentence } from "./api";
 
+const AGAIN_MS = 2000;
 const BYTES = 256 * 2 ** 20;
 
 export class Pictures {
@@ -62,7 +63,10 @@ export class Pictures {
     } catch (problem) {
       error = problem instanceof TypeError ? "The server does not answer." : (problem as Error).message;
       this.failed.add(index);
-      setTimeout(() => this.failed.delete(index), 2000); // asked for again later, not at once
+      setTimeout(() => {
+        this.failed.delete(index); // asked for again later, not at once
+        if (!this.closed) this.loaded(index, error);
+      }, AGAIN_MS);
     }
     this.loading.delete(index);
     if (this.closed) return;

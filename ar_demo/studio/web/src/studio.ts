@@ -2,7 +2,7 @@
 
 import { ApiError, sentence } from "./api";
 import { Document, newSurface } from "./document";
-import { centroid, clockwise, isConvex } from "./geometry";
+import { clockwise, isConvex } from "./geometry";
 import type { Corners, Doc, Output, Point, Project, Proposal, ServerEvent, Surface, Task } from "./model";
 import { Sources } from "./sources";
 import { Tracks } from "./tracks";
@@ -15,6 +15,8 @@ export type Tool = "corners" | "region" | "exclude";
 export type Place = "picture" | "ad" | "track" | "finish" | "save";
 
 const RETRACK_MS = 700; // after the last change of a keyframe
+
+const SHOWN = 6; // likely rectangles at most, so that the picture is still seen
 
 const hundredths = ([x, y]: Point): Point => [Math.round(x * 100) / 100, Math.round(y * 100) / 100];
 
@@ -440,24 +442,22 @@ export class Studio {
 
   private propose(): void {
     clearTimeout(this.proposalTimer);
-    if (!this.isPlacing) return;
+    if (!this.isPlacing || this.isPlaying) return;
     if (this.proposalsOf !== this.frame) this.proposals = [];
     const frame = this.frame;
     this.proposalTimer = window.setTimeout(async () => {
       if (this.proposalsOf === frame && this.proposals.length) return;
       const found = await this.doc.api.proposals(frame).catch(() => ({ proposals: [] }));
       if (this.frame !== frame) return;
-      this.proposals = found.proposals.filter((p) => isConvex(p.corners));
+      this.proposals = found.proposals.filter((p) => isConvex(p.corners)).slice(0, SHOWN);
       this.proposalsOf = frame;
       this.changed();
-    }, 250);
+    }, 600);
   }
 
   get shownProposals(): Proposal[] {
     return this.isPlacing && !this.placing.length && this.proposalsOf === this.frame ? this.proposals : [];
   }
-
-  proposalCentre = (index: number): Point => centroid(this.proposals[index].corners);
 
   // Work of the server
 

@@ -1,6 +1,7 @@
 /** The whole video in a strip: thumbnails, states, confidence and deviation, cuts, keyframes, and where we are. */
 
 import type { ProjectApi } from "./api";
+import { blank } from "./canvas";
 import type { Track } from "./model";
 import { Pictures } from "./pictures";
 import type { Studio } from "./studio";
@@ -17,6 +18,8 @@ export class TimeLine {
   readonly element = document.createElement("div");
   private readonly canvas = document.createElement("canvas");
   private readonly thumbnails: Pictures;
+  /** All but the playhead, which alone moves while one scrubs. */
+  private readonly still = document.createElement("canvas");
   private width = 0;
   private drawn = "";
 
@@ -75,17 +78,26 @@ export class TimeLine {
 
   private draw(): void {
     const { studio, canvas, width } = this;
-    const { surface, tracks, frame } = studio;
+    const { surface, tracks } = studio;
     if (!width) return;
-    const keyframes = surface?.keyframes.map((k) => k.frame).join() ?? "";
-    const state = [frame, surface?.key, surface?.start, !!surface?.quad, keyframes, tracks.version, studio.project.tracking.time];
-    if (this.drawn === state.join(" ")) return;
-    this.drawn = state.join(" ");
     const ratio = devicePixelRatio;
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round((THUMBS + STATES + CURVES + 2 * GAP) * ratio);
-    const context = canvas.getContext("2d")!;
+    const size = [width * ratio, (THUMBS + STATES + CURVES + 2 * GAP) * ratio] as const;
+    const keyframes = surface?.keyframes.map((k) => k.frame).join() ?? "";
+    const state = [surface?.key, surface?.start, !!surface?.quad, keyframes, tracks.version].join(" ");
+    if (this.drawn !== state) {
+      this.drawn = state;
+      const context = blank(this.still, ...size);
+      context.scale(ratio, ratio);
+      this.drawStill(context);
+    }
+    const context = blank(canvas, ...size);
+    context.drawImage(this.still, 0, 0);
     context.scale(ratio, ratio);
+    this.playhead(context);
+  }
+
+  private drawStill(context: CanvasRenderingContext2D): void {
+    const { surface, tracks } = this.studio;
     this.strip(context);
     const track = surface ? tracks.of(surface) : null;
     if (track) {
@@ -94,11 +106,10 @@ export class TimeLine {
       for (const cut of track.cuts) this.line(context, this.x(cut), colour("text"), [2, 3]);
     } else {
       context.fillStyle = colour("line");
-      context.fillRect(0, THUMBS + GAP, width, STATES);
+      context.fillRect(0, THUMBS + GAP, this.width, STATES);
     }
     if (surface?.quad) this.diamond(context, surface.start, colour("accent"), true);
     for (const { frame } of surface?.keyframes ?? []) this.diamond(context, frame, colour("key"), false);
-    this.playhead(context);
   }
 
   private strip(context: CanvasRenderingContext2D): void {

@@ -12,12 +12,16 @@ const LABELS: Record<string, Record<string, string>> = {
   lost: { hold: "Stays where it was", fade: "Fades out", hide: "Vanishes" },
   effect: { replace: "An ad", mosaic: "Mosaic", blur: "Blur", outline: "Outline" },
   grain: { auto: "As the video has", off: "None" },
+  softness: { auto: "As the video's", off: "As sharp as it is" },
+  first_light: { auto: "As in the marked frame", even: "Even" },
+  surface_kind: { print: "A print: light falls on it", screen: "A screen: it shines and mirrors" },
 };
 
 const capital = (text: string) => text[0].toUpperCase() + text.slice(1).replaceAll("-", " ");
 
 /** What an effect has no use for, with the values that say nothing. */
-const OF_ADS = { fit: "stretch", playback: "loop", flat: false, shutter: null, grain: "auto" } as const;
+const IN_SCENE = { shutter: null, grain: "auto", softness: "auto", first_light: "auto", surface_kind: "print" } as const;
+const OF_ADS = { fit: "stretch", playback: "loop", flat: false, ...IN_SCENE } as const;
 
 export function look(studio: Studio, chooseAd: () => void) {
   const surface = studio.surface;
@@ -27,12 +31,14 @@ export function look(studio: Studio, chooseAd: () => void) {
       value,
       label: LABELS[name]?.[value] ?? capital(value),
     }));
-  const pick = (label: string, name: "fit" | "playback" | "blend" | "lost" | "grain") =>
+  type Named = "fit" | "playback" | "blend" | "lost" | "grain" | "softness" | "first_light" | "surface_kind";
+  const pick = (label: string, name: Named) =>
     select(label, surface[name], choices(name), (value) => studio.editSurface("", (s) => (s[name] = value)));
   const effect = (value: string) => {
     studio.editSurface("", (s) => {
       s.effect = value;
       if (value !== "replace") Object.assign(s, { ...OF_ADS, ad: null, ad_name: null });
+      if (value === "outline") Object.assign(s, { inset: 0, radius: 0 });
     });
     if (value === "replace" && !surface.ad) chooseAd();
   };
@@ -53,6 +59,10 @@ export function look(studio: Studio, chooseAd: () => void) {
       ${range("Opacity", surface.opacity, [0, 1, 0.01], (v) => studio.editSurface("opacity", (s) => (s.opacity = v)), `${Math.round(surface.opacity * 100)} %`)}
       ${pick("Mix with the surface", "blend")}
       ${range("Soft edge", surface.feather, [0, 20, 0.5], (v) => studio.editSurface("feather", (s) => (s.feather = v)), `${surface.feather} px`)}
+      ${surface.effect === "outline"
+        ? nothing
+        : html`${range("Inset", surface.inset, [0, 60, 0.5], (v) => studio.editSurface("inset", (s) => (s.inset = v)), `${surface.inset} px`)}
+            ${range("Round corners", surface.radius, [0, 120, 1], (v) => studio.editSurface("radius", (s) => (s.radius = v)), `${surface.radius} px`)}`}
       ${pick("While the surface is lost", "lost")}
     </div>
     ${replaces
@@ -61,12 +71,13 @@ export function look(studio: Studio, chooseAd: () => void) {
           ${toggle(
             "Light, blur and what passes in front",
             !surface.flat,
-            (is) => studio.editSurface("", (s) => Object.assign(s, { flat: !is, shutter: null, grain: "auto" })),
+            (is) => studio.editSurface("", (s) => Object.assign(s, { flat: !is, ...IN_SCENE })),
             surface.flat ? "The ad is laid on as it is, over everything." : "The ad is lit, blurred and hidden as the surface is.",
           )}
           ${surface.flat
             ? nothing
-            : html`${pick("Grain", "grain")}
+            : html`${pick("What the surface is", "surface_kind")} ${pick("Shadows and glare on it", "first_light")}
+                ${pick("Sharpness", "softness")} ${pick("Grain", "grain")}
                 ${toggle("Motion blur as the camera's", surface.shutter === null, (is) => studio.editSurface("", (s) => (s.shutter = is ? null : 180)))}
                 ${surface.shutter === null
                   ? nothing

@@ -1,5 +1,6 @@
 /** What is drawn over the picture: outlines, regions, likely rectangles. */
 
+import { blank } from "../canvas";
 import { CORNER_NAMES } from "../geometry";
 import type { Corners, Point, Surface } from "../model";
 import type { Studio } from "../studio";
@@ -20,11 +21,9 @@ export class Overlay {
 
   /** @param frame that is on the stage. @param pointer where a corner would be placed, frame px. */
   draw(frame: number, pointer: Point | null): void {
-    const { studio, view, element } = this;
+    const { studio, view } = this;
     const ratio = devicePixelRatio;
-    element.width = Math.round(view.width * ratio);
-    element.height = Math.round(view.height * ratio);
-    this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    blank(this.element, view.width * ratio, view.height * ratio).scale(ratio, ratio);
     if (studio.view === "steady" || studio.step === "finish" || studio.step === "look") return;
     if (studio.view === "frame") {
       studio.project.surfaces.forEach((surface, i) => this.surface(surface, i, frame));

@@ -1,6 +1,7 @@
 /** The picture with its handles, and what the pointer does on it. */
 
-import { CORNER_NAMES } from "../geometry";
+import { blank } from "../canvas";
+import { CORNER_NAMES, unitToQuad } from "../geometry";
 import type { Corners, Point } from "../model";
 import type { Pictures } from "../pictures";
 import type { Studio } from "../studio";
@@ -9,6 +10,7 @@ import { Loupe } from "./loupe";
 import { Overlay } from "./overlay";
 import { StageView } from "./view";
 
+const BADGE = 42; // CSS px from one badge to the next
 const CLICK = 5; // CSS px that a click may move
 const CLOSE = 14; // CSS px from a polygon's first corner that closes it
 
@@ -17,7 +19,7 @@ type Gesture =
   | { kind: "place" }
   | { kind: "wipe" }
   | { kind: "corner"; index: number; offset: Point; merge: string; free: boolean; moved: boolean }
-  | { kind: "pinch"; distance: number };
+  | { kind: "pinch"; distance: number; middle: Point };
 
 export class Stage {
   readonly element = document.createElement("div");
@@ -135,15 +137,13 @@ export class Stage {
   private drawPicture(): void {
     const { view, canvas } = this;
     const ratio = devicePixelRatio;
-    canvas.width = Math.round(view.width * ratio);
-    canvas.height = Math.round(view.height * ratio);
+    const context = blank(canvas, view.width * ratio, view.height * ratio);
     if (!this.main.width || this.shown.frame < 0) return;
-    const context = canvas.getContext("2d")!;
     const [x, y] = view.origin;
     const [w, h] = [view.content[0] * view.scale, view.content[1] * view.scale];
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.imageSmoothingEnabled = view.scale < 4;
-    context.imageSmoothingQuality = "high";
+    context.imageSmoothingQuality = view.scale * view.content[0] * ratio < 0.6 * this.main.width ? "high" : "low";
     context.drawImage(this.main, x, y, w, h);
     if (this.studio.view === "wipe" && this.beforeFrame === this.shown.frame) {
       context.save();
@@ -240,10 +240,11 @@ export class Stage {
       this.badges.push(button);
       this.element.insertBefore(button, this.divider);
     }
+    const places = apart(shown.map((proposal) => proposal.corners.map((p) => this.view.toStage(p))));
     this.badges.forEach((button, i) => {
       button.hidden = i >= shown.length;
       if (button.hidden) return;
-      const [x, y] = this.view.toStage(studio.proposalCentre(i));
+      const [x, y] = places[i];
       button.style.transform = `translate(${x}px, ${y}px)`;
     });
   }
@@ -296,7 +297,7 @@ export class Stage {
     const { studio } = this;
     if (this.pointers.size === 2) {
       const [a, b] = [...this.pointers.values()];
-      this.gesture = { kind: "pinch", distance: Math.hypot(a[0] - b[0], a[1] - b[1]) };
+      this.gesture = { kind: "pinch", distance: Math.hypot(a[0] - b[0], a[1] - b[1]), middle: middle(a, b) };
       studio.dragging = false;
       this.hover = null;
       return studio.changed();
@@ -321,7 +322,8 @@ export class Stage {
     const at = this.at(event);
     const before = this.pointers.get(event.pointerId);
     if (!before || !this.gesture) {
-      if (event.pointerType === "mouse") this.hovered(this.view.toFrame(at));
+      const onBadge = (event.target as HTMLElement).classList.contains("badge");
+      if (event.pointerType === "mouse") this.hovered(onBadge ? null : this.view.toFrame(at));
       return;
     }
     this.pointers.set(event.pointerId, at);
@@ -386,11 +388,13 @@ export class Stage {
     studio.addVertex(inside);
   }
 
-  private pinch(gesture: { distance: number }): void {
+  private pinch(gesture: { distance: number; middle: Point }): void {
     const [a, b] = [...this.pointers.values()];
     const distance = Math.hypot(a[0] - b[0], a[1] - b[1]);
-    this.view.zoomAt([(a[0] + b[0]) / 2, (a[1] + b[1]) / 2], distance / gesture.distance);
-    gesture.distance = distance;
+    const to = middle(a, b);
+    this.view.pan(to[0] - gesture.middle[0], to[1] - gesture.middle[1]);
+    this.view.zoomAt(to, distance / gesture.distance);
+    [gesture.distance, gesture.middle] = [distance, to];
   }
 
   private wheel(event: WheelEvent): void {
@@ -412,8 +416,24 @@ export class Stage {
   }
 }
 
+const middle = (a: Point, b: Point): Point => [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
+
+/** A place in each quad, CSS px, far enough from the others': its middle where that is free. */
+function apart(quads: Corners[]): Point[] {
+  const taken: Point[] = [];
+  const shares = [0.5, 0.25, 0.75, 0.12, 0.88];
+  for (const quad of quads) {
+    const m = unitToQuad(quad);
+    const place = (u: number, v: number): Point => {
+      const w = m[6] * u + m[7] * v + 1;
+      return [(m[0] * u + m[1] * v + m[2]) / w, (m[3] * u + m[4] * v + m[5]) / w];
+    };
+    const places = shares.flatMap((v) => shares.map((u) => place(u, v)));
+    taken.push(places.find(([x, y]) => taken.every((t) => Math.hypot(x - t[0], y - t[1]) > BADGE)) ?? places[0]);
+  }
+  return taken;
+}
+
 function copy(picture: ImageBitmap, canvas: HTMLCanvasElement): void {
-  canvas.width = picture.width;
-  canvas.height = picture.height;
-  canvas.getContext("2d")!.drawImage(picture, 0, 0);
+  blank(canvas, picture.width, picture.height).drawImage(picture, 0, 0);
 }
