@@ -31,17 +31,21 @@ class Bounds:
     def check(self, job: Job) -> None:
         """Raises InputError for a job that reads or writes elsewhere."""
         for name in _names(job):
-            if is_url(name):
-                scheme = urlsplit(name).scheme.lower()
-                if scheme not in self.schemes:
-                    raise InputError(
-                        f"{name}: {scheme}:// is not allowed: there are {', '.join(self.schemes)}; see --schemes"
-                    )
-            elif self.root is not None:
-                root = Path(os.path.realpath(self.root))
-                for file in (Path(name), *pictures_of(Path(name))):
-                    if not Path(os.path.realpath(file)).is_relative_to(root):
-                        raise InputError(f"{name} leads out of {self.root}: see --root")
+            self.check_name(name)
+
+    def check_name(self, name: str) -> None:
+        """Raises InputError for an address, a file, pictures or a glob that lie elsewhere."""
+        if is_url(name):
+            scheme = urlsplit(name).scheme.lower()
+            if scheme not in self.schemes:
+                raise InputError(
+                    f"{name}: {scheme}:// is not allowed: there are {', '.join(self.schemes)}; see --schemes"
+                )
+        elif self.root is not None:
+            root = Path(os.path.realpath(self.root))
+            for file in (Path(name), *pictures_of(Path(name))):
+                if not Path(os.path.realpath(file)).is_relative_to(root):
+                    raise InputError(f"{name} leads out of {self.root}: see --root")
 
 
 def _names(job: Job) -> Iterator[str]:

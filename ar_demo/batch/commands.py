@@ -45,9 +45,9 @@ def _batch(given: Namespace) -> int:
             other = "--scheduler ADDRESS"
             raise InputError(f"--{name} does nothing {'without' if is_local else 'beside'} {other}: leave it out")
     manifest, document = load(given.manifest)
-    jobs = expand(manifest, document)
     schemes = tuple(given.schemes.lower().split(",")) if "schemes" in given else SCHEMES
     bounds = Bounds(getattr(given, "root", None), schemes)
+    jobs = expand(manifest, document, bounds.check_name)
     for job in jobs:
         try:
             bounds.check(job)

@@ -128,6 +128,8 @@ def _json(path: Path, text: str) -> Document:
         content = json.loads(text)
     except json.JSONDecodeError as error:
         raise _wrong(path, (error.lineno, error.colno), f"not JSON: {error.msg.lower()}") from error
+    except ValueError as error:  # a number of thousands of digits
+        raise InputError(f"{path} is not JSON: {error}") from error
 
     def place(keys: Keys) -> Place | None:
         try:  # JSON is YAML
@@ -145,6 +147,8 @@ def _toml(path: Path, text: str) -> Document:
         match = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         place = (int(match[1]), int(match[2])) if match else None
         raise _wrong(path, place, f"not TOML: {str(error).partition(' (at')[0].lower()}") from error
+    except ValueError as error:
+        raise InputError(f"{path} is not TOML: {error}") from error
     return Document(path, content, lambda keys: _place_in_toml(text, keys))
 
 

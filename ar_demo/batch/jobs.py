@@ -3,7 +3,7 @@
 import glob
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -17,6 +17,7 @@ from .documents import Document, Keys
 from .manifest import MANY, Manifest
 from .options import command, options
 
+LONGEST_NAME = 255  # bytes
 MOST_JOBS = 100_000
 IN_A_JOB = ("input", "output", "layer", "save_matte", "save_track")  # that a job file can name
 
@@ -59,8 +60,11 @@ class Job:
         return command(self.values)
 
 
-def expand(manifest: Manifest, document: Document) -> list[Job]:
+def expand(manifest: Manifest, document: Document, check: Callable[[str], None] = lambda name: None) -> list[Job]:
     """The jobs of a manifest, in their order: `jobs`, then each clip with each ad.
+
+    Args:
+        check: raises InputError for a name, or a glob, that is not to be looked for.
 
     Raises:
         InputError: there are none, or too many; a glob that nothing fits; an unknown place in a name; two outputs of
@@ -72,12 +76,12 @@ def expand(manifest: Manifest, document: Document) -> list[Job]:
     for keys, values in _entries(manifest):
         if "input" not in values and "job" not in values:
             raise document.wrong(keys, "it has no input: name the video")
-        many = [_matching(document, (*keys, name), values.get(name)) for name in MANY]
+        many = [_matching(document, (*keys, name), values.get(name), check) for name in MANY]
         for chosen in product(*many):
             if len(jobs) == MOST_JOBS:
                 raise document.wrong(keys, f"these are more than {MOST_JOBS} jobs: split the manifest")
             said = values | {name: one for name, one in zip(MANY, chosen, strict=True) if one is not None}
-            jobs.append(_job(len(jobs) + 1, said, document, keys))
+            jobs.append(_job(len(jobs) + 1, said, document, keys, check))
     if not jobs:
         raise InputError(f"{document.path} has no jobs: give jobs, or clips and ads")
     _check_different(jobs, document)
@@ -98,13 +102,18 @@ def _said(entries: list[Any]) -> list[dict[str, Any]]:
     return [entry.model_dump(exclude_unset=True) for entry in entries]
 
 
-def _matching(document: Document, keys: Keys, names: str | list[str] | None) -> list[str | None]:
+def _matching(
+    document: Document, keys: Keys, names: str | list[str] | None, check: Callable[[str], None]
+) -> list[str | None]:
     """The files that an input or an ad stands for; addresses as they are, [None] for nothing."""
     if names is None:
         return [None]
     found: list[str | None] = []
     for name in [names] if isinstance(names, str) else names:
-        path = document.path.parent / name
+        try:
+            path = Path(_checked(document, name, check))
+        except InputError as error:
+            raise document.wrong(keys, str(error)) from error
         if is_url(name) or not glob.has_magic(name) or path.exists():
             found.append(name)
             continue
@@ -115,23 +124,25 @@ def _matching(document: Document, keys: Keys, names: str | list[str] | None) -> 
     return found
 
 
-def _job(number: int, said: dict[str, Any], document: Document, keys: Keys) -> Job:
+def _job(number: int, said: dict[str, Any], document: Document, keys: Keys, check: Callable[[str], None]) -> Job:
     own = {name: said.pop(name) for name in ("retries", "time_limit", "memory_limit") if name in said}
     names = {
         "clip": _stem(said.get("input", "")),
         "ad": _stem(said.get("ad") or said.get("effect", "")),
         "number": str(number),
     }
-    folder = document.path.parent.absolute()
     for name, option in options().items():
         if name in said:
             try:
                 filled = _filled(said[name], names) if option.is_path and name not in MANY else said[name]
-                said[name] = option.renamed(filled, lambda file: whole(folder, file))
+                said[name] = option.renamed(filled, lambda file: _checked(document, file, check))
             except InputError as error:
                 raise document.wrong((*keys, name), str(error)) from error
     if "job" in said:
-        job = load_job(Path(said["job"]))
+        try:
+            job = load_job(Path(said["job"]))
+        except InputError as error:
+            raise document.wrong((*keys, "job"), str(error)) from error
         in_job = {name: getattr(job, name) for name in IN_A_JOB}
         said = {name: str(file) for name, file in in_job.items() if file is not None} | said
     if "input" not in said:
@@ -143,9 +154,20 @@ def _job(number: int, said: dict[str, Any], document: Document, keys: Keys) -> J
     return Job(number, said, keys=keys, **own)
 
 
-def whole(folder: Path, name: str) -> str:
-    """An address as it is; a name of a file from the root on."""
-    return name if is_url(name) else os.path.abspath(folder / name)
+def _checked(document: Document, name: str, check: Callable[[str], None]) -> str:
+    """An address as it is, or the name of a file beside the manifest from the root on.
+
+    Raises:
+        InputError: it is not to be looked for, or there can be no such name.
+    """
+    if not is_url(name):
+        name = os.path.abspath(document.path.parent.absolute() / name)
+        if name.encode(errors="replace").decode() != name:
+            raise InputError(f"the name {name!a} is not UTF-8: rename it")
+        if any(len(os.fsencode(part)) > LONGEST_NAME for part in Path(name).parts):
+            raise InputError(f"the name {name[:40]}... has more than {LONGEST_NAME} bytes: choose a shorter one")
+    check(name)
+    return name
 
 
 def _stem(name: str) -> str:

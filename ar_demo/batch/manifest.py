@@ -29,14 +29,14 @@ from pydantic_core import ErrorDetails
 from ..errors import InputError
 from ..units import parse_bytes, parse_seconds
 from .documents import Document, Keys, read
-from .options import Number, options
+from .options import Name, Number, options
 
 SCHEMA = Path(__file__).with_name("manifest.schema.json")
 MANY = ("input", "ad")  # options that can be lists, or globs
 
 _FORM = ConfigDict(extra="forbid")
 _OWN: dict[str, Any] = {
-    "retries": (Annotated[int, Field(ge=0)], "how often it is tried again after it failed while working"),
+    "retries": (Annotated[int, Field(ge=0, le=100)], "how often it is tried again after it failed while working"),
     "time_limit": (Annotated[str | Number, AfterValidator(parse_seconds)], "after which it is ended: 90s, 10m, 1.5h"),
     "memory_limit": (Annotated[str | Number, AfterValidator(parse_bytes)], "beyond which it is ended: 4GB"),
 }
@@ -44,7 +44,7 @@ _OWN: dict[str, Any] = {
 
 def _fields() -> dict[str, Any]:
     kinds = {
-        name: (Annotated[option.type | list[str], Field(min_length=1)] if name in MANY else option.type, option.help)
+        name: (Annotated[option.type | list[Name], Field(min_length=1)] if name in MANY else option.type, option.help)
         for name, option in options().items()
     }
     return {

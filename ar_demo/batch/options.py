@@ -19,7 +19,18 @@ LEFT_OUT = {"help", "version", "print_completion", "live", "dry_run", "progress"
 OUTPUTS = ("output", "layer", "save_matte", "save_track", "report")  # options that name what is written
 
 Number = Annotated[int, Strict()] | Annotated[float, Strict()]
-Text = Annotated[str | Number, AfterValidator(str)]  # a number in a manifest is what it looks like
+
+
+def _text(value: str | float) -> str:
+    """A number in a manifest is what it looks like."""
+    text = str(value)
+    if "\0" in text or text.encode(errors="replace").decode() != text:
+        raise ValueError("there is a zero byte, or half a character, in it")
+    return text
+
+
+Name = Annotated[str, AfterValidator(_text)]
+Text = Annotated[str | Number, AfterValidator(_text)]
 
 
 def _corners(points: Any) -> str:
@@ -141,11 +152,11 @@ def _type(action: argparse.Action, flags: Mapping[Any, str]) -> Any:
     elif action.type is natural:
         kind = Annotated[int, Field(ge=1)]
     elif action.type is Path or action.dest in FILES:
-        kind = str
+        kind = Name
     elif action.type is not None:
         kind = Annotated[kind, AfterValidator(_accepted_by(action.type))]
     if action.nargs == 2:
-        kind = tuple[str, kind]
+        kind = tuple[Name, kind]
     return Annotated[list[kind], BeforeValidator(_listed)] if isinstance(action, argparse._AppendAction) else kind
 
 

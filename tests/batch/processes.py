@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from ar_demo.cli.entry import batch_main
@@ -27,11 +28,11 @@ def fork_batch(manifest: Path, *options: str) -> int:
         os._exit(status)
 
 
-def wait_for(file: Path) -> None:
-    until = time.monotonic() + 20
-    while not file.exists():
+def wait_until(so: Callable[[], bool], seconds: float = 60) -> None:
+    until = time.monotonic() + seconds
+    while not so():
         assert time.monotonic() < until
-        time.sleep(0.01)
+        time.sleep(0.02)
 
 
 def children_of_the_batch(folder: Path) -> str:

@@ -1,6 +1,7 @@
 """A manifest that comes from others: what its jobs may touch, and that nothing in it reaches a shell."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,8 @@ def test_inside_the_root_all_is_well(run: Run, write: Write, tmp_path: Path) -> 
         {"weights": "link/w.safetensors"},
         {"ad": "link.png"},
         {"input": "*/secret.png"},
+        {"input": "/**/*.mp4"},
+        {"ad": ["b.png", "../*"]},
         {"input": "shot"},
         {"surface": [["link.png", QUAD]]},
         {"find": ["b.png=link.png"]},
@@ -114,3 +117,53 @@ def test_limits_of_frames_and_pixels_hold_whatever_a_job_says(run: Run, write: W
     results = [json.loads((tmp_path / "out" / f"{n}.mp4.json").read_text()) for n in (1, 2, 3)]
     told = [[word for word in result["command"] if word.startswith("--max")] for result in results]
     assert told == [[f"--max-frames={n}", "--max-pixels=9000"] for n in (10, 500, 500)]
+
+
+@pytest.mark.parametrize(
+    "job",
+    [
+        {"input": ""},
+        {"input": "."},
+        {"input": "x" * 5000},
+        {"input": "a\0b.mp4"},
+        {"input": "\ud800.mp4"},
+        {"input": "[.mp4"},
+        {"input": "folder"},
+        {"ad": "folder"},
+        {"output": "folder"},
+        {"output": "a.mp4/o.mp4"},
+        {"output": "x" * 300 + ".mp4"},
+        {"output": ""},
+        {"output": "a.mp4"},
+        {"track": "x" * 5000},
+        {"job": "a.mp4"},
+        {"save_track": "a.mp4/t.json"},
+        {"retries": 10**9},
+        {"crf": 10**400},
+        {"start": "9" * 5000},
+    ],
+)
+def test_odd_names_and_numbers_spoil_nothing(run: Run, write: Write, tmp_path: Path, job: dict[str, Any]) -> None:
+    """Such a manifest is refused with line and column, or the job is, and the others are done."""
+    (tmp_path / "folder").mkdir()
+    status, out, err = run(write(job, {}), "--quiet", "--json")
+    if status == 2:
+        assert (out, err.count("\n")) == ("", 1)
+        assert "line 1, column" in err
+    else:
+        ended = {each["number"]: each["ended"] for each in json.loads(out)["jobs"]}
+        assert ended[2] == "done"
+        assert ended[1] in ("wrong", "failed", "done")
+    assert "should not happen" not in err
+    assert (tmp_path / "a.mp4").read_text() == "a video"
+
+
+def test_a_file_whose_name_is_no_text_is_named(run: Run, write: Write, tmp_path: Path) -> None:
+    (tmp_path / "x").mkdir()
+    try:
+        (tmp_path / "x" / os.fsdecode(b"\xff.mp4")).touch()
+    except OSError:
+        pytest.skip("this file system takes only UTF-8")
+    status, _, err = run(write({"input": "x/*.mp4"}))
+    assert status == 2
+    assert "\\udcff.mp4' is not UTF-8: rename it" in err

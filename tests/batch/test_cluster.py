@@ -6,8 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import pytest
 
 from ..conftest import Run
 from .conftest import Write
-from .processes import children_of_the_batch, fork_batch
+from .processes import children_of_the_batch, fork_batch, wait_until
 
 JOBS = 10
 HERE = Path(__file__).parent
@@ -212,10 +211,3 @@ def children_now(folder: Path) -> str:
     """Jobs that workers are at, which make their outputs in a folder."""
     words: Any = ["pgrep", "-f", f"stand_in.py.*{folder}"]
     return subprocess.run(words, capture_output=True, text=True).stdout
-
-
-def wait_until(so: Callable[[], bool], seconds: float = 30) -> None:
-    until = time.monotonic() + seconds
-    while not so():
-        assert time.monotonic() < until
-        time.sleep(0.02)

@@ -2,12 +2,15 @@
 
 import json
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 import pytest
 
+from ar_demo.batch.commands import MISSING
 from ar_demo.batch.documents import read
 from ar_demo.batch.jobs import Job, expand
 from ar_demo.batch.manifest import SCHEMA, load, schema
@@ -242,3 +245,14 @@ def test_the_schema_is_as_the_code_is_and_takes_what_the_code_takes(tmp_path: Pa
 
 def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
     assert read(write(tmp_path, "\ufeffversion: 1\n")).content == {"version": 1}
+
+
+@pytest.mark.parametrize("package", ["pydantic", "ruamel.yaml", "psutil"])
+def test_without_the_extra_one_line_says_what_to_install(tmp_path: Path, package: str) -> None:
+    program = (
+        f"import sys; sys.modules[{package!r}] = None; "
+        f"from ar_demo.cli.entry import batch_main; batch_main([{str(write(tmp_path, 'version: 1'))!r}])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == f"error: {MISSING}\n"

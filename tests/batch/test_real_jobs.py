@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from ar_demo.media.reader import VideoReader
 from ..clips import make_clip
 from ..conftest import Run
 from ..scenes import Scene, path
-from .processes import fork_batch
+from .processes import fork_batch, wait_until
 
 FRAMES = 6
 QUAD = "100,70 220,74 216,166 102,160"
@@ -38,8 +37,7 @@ def test_killed_in_the_middle_the_pictures_are_those_that_one_run_makes(run: Run
     job = {"input": "c.mp4", "ad": ["red.png", "blue.png"], "quad": QUAD, "codec": "ffv1", "output": "out/{ad}.mkv"}
     manifest.write_text(json.dumps({"version": 1, "jobs": [job]}))
     pid = fork_batch(manifest)
-    while not list(folder.glob("jobs.batch/tracks/*.json")):  # it is killed as it draws
-        time.sleep(0.01)
+    wait_until(lambda: bool(list(folder.glob("jobs.batch/tracks/*.json"))))  # it is killed as it draws
     os.kill(pid, signal.SIGKILL)
     os.waitpid(pid, 0)
     status, out, _ = run(manifest, "--json", "--quiet")

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -47,7 +48,8 @@ class Handler(BaseHTTPRequestHandler):
         if way != "unknown":  # a server that does not say how long it is, and ends by closing
             self.send_header("Content-Length", str(len(content)))
         self.end_headers()
-        self.wfile.write(content[: len(content) // 2] if way == "short" else content)
+        with suppress(ConnectionError):  # of who has had enough
+            self.wfile.write(content[: len(content) // 2] if way == "short" else content)
 
     def log_message(self, *arguments: object) -> None: ...
 
