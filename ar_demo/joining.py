@@ -51,5 +51,5 @@ def join(
         times = reader.times
         [last] = reader.frames(len(times) - 1)
         streams = Streams(options.audio, reader.path, keep=options.streams, location=options.location)
-        join_packets(files, claim, times, last.time + last.duration, streams)
+        join_packets(files, claim, times, last.time + last.duration, streams, reader.info)
         return Joined(len(times), [*reader.warnings, *streams.warnings])

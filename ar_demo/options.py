@@ -20,6 +20,7 @@ class TrackingOptions:
         smooth: 1 takes motion for as smooth as the clip shows; more for smoother; 0 for anything, but in gaps.
         device: what runs the networks.
         weights: another weights file than the shipped one.
+        parallel: processes that track stretches of the video at the same time, cut at scene cuts and keyframes.
 
     Raises:
         InputError: a value that is not allowed.
@@ -30,9 +31,11 @@ class TrackingOptions:
     smooth: float = 1.0
     device: Device = "auto"
     weights: Path | None = None
+    parallel: int = 1
 
     def __post_init__(self) -> None:
         check_choices(self)
+        check_parallel(self.parallel)
         check_not_negative("smooth", self.smooth)
         if self.time is not None and self.end != Moment():
             raise InputError("time and end do not go together: time has an end of its own")
@@ -63,6 +66,7 @@ class OutputOptions:
             and a video of a part has no sound: see `join`.
         start_number: of the first picture of image sequences that are written; None takes the input's, or 0.
         overwrite: whether an existing output may be replaced.
+        parallel: processes that render parts of the video at the same time, which are joined.
 
     Raises:
         InputError: a value that is not allowed.
@@ -81,10 +85,18 @@ class OutputOptions:
     frames: FrameRange | None = None
     start_number: int | None = None
     overwrite: bool = False
+    parallel: int = 1
 
     def __post_init__(self) -> None:
         check_choices(self)
+        check_parallel(self.parallel)
         if self.start_number is not None and self.start_number < 0:
             raise InputError(f"start_number {self.start_number} is out of range: give 0 or more")
         if self.crf is not None and not 0 <= self.crf <= 63:
             raise InputError(f"crf {self.crf} is out of range: give 0 (best) to 51, or to 63 for VP9 and AV1")
+
+
+def check_parallel(count: int) -> None:
+    """Raises InputError for a number of processes that is none."""
+    if count < 1:
+        raise InputError(f"parallel {count} is out of range: give 1 or more")

@@ -3,7 +3,8 @@
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass
 from dataclasses import replace as changed
 from fractions import Fraction
 from pathlib import Path
@@ -19,8 +20,10 @@ from .errors import InputError
 from .finding.pictures import Picture, read_pictures
 from .finding.search import Found, search
 from .finding.surfaces import Wanted
+from .frame_range import FrameRange
 from .media.claims import Claim, check_name, claimed
 from .media.codecs import holds_sound, is_picture
+from .media.joining import is_joinable, join
 from .media.numbering import Numbering
 from .media.reader import IndexDropped, VideoReader
 from .media.sequences import ImageSequence, pictures_of
@@ -31,8 +34,9 @@ from .media.writer import VideoWriter
 from .options import OutputOptions, TrackingOptions
 from .progress import Listener, Stage, silent
 from .rendering.loop import Renderer, run_up
-from .rendering.outputs import Outputs, OutputWriters
+from .rendering.outputs import OF_SOUND, Outputs, OutputWriters
 from .rendering.painting import check_ad
+from .rendering.parts import divided
 from .rendering.preview import Preview
 from .rendering.steady import SteadyView
 from .rendering.study import Frames
@@ -40,13 +44,14 @@ from .results import Plan, Result, total
 from .stopping import StopSignal
 from .surface import FIRST, Moment, Span, Surface
 from .tracking.corrections import needs_correction
-from .tracking.moments import index_of, is_within, until
+from .tracking.moments import frames_until, index_of, is_within, until
 from .tracking.passes import Passes
 from .tracking.pictures import plane_pictures
 from .tracking.protocol import MakeTracker, hdn_trackers
 from .tracks import Track
 from .verdict import judge
 from .words import counted
+from .workers import Workers, frame_done
 
 log = logging.getLogger(__name__)
 
@@ -79,7 +84,7 @@ class Session(AbstractContextManager["Session"]):
         """
         self.listen = listen
         self.reader = VideoReader(input)
-        self._make_tracker = make_tracker
+        self._make_tracker, self._is_hdn = make_tracker, False
         self._stop = StopSignal()
 
     def __exit__(self, *error: Any) -> None:
@@ -185,7 +190,10 @@ class Session(AbstractContextManager["Session"]):
 
     def _track(self, surfaces: Sequence[Surface], options: TrackingOptions) -> list[Surface]:
         new = [surface for surface in surfaces if surface.track is None]
-        measured = iter(self._passes(options).track(new) if new else [])
+        measured: Iterator[Track] = iter(())
+        if new:
+            with self._workers(options) as workers:
+                measured = iter(self._passes(options, workers).track(new))
         return [
             changed(
                 surface, quad=None, snap=False, start=FIRST, region=None, exclude=(), track=next(measured).as_saved()
@@ -245,6 +253,12 @@ class Session(AbstractContextManager["Session"]):
             tracks = [surface.track for surface in surfaces if surface.track is not None]
             for track in tracks:
                 check_belongs_to(track, self.reader)
+            parts = self._parts(outputs, options, end or Moment(), tracks)
+            if parts:
+                try:
+                    return self._render_parts(surfaces, tracks, outputs, options, end or Moment(), parts)
+                except IndexDropped as error:
+                    log.warning("%s: rendering it in one process instead", error)
             return self._numbered_rightly(lambda: self._render(surfaces, tracks, outputs, options, end or Moment()))
 
     def _render(
@@ -280,6 +294,7 @@ class Session(AbstractContextManager["Session"]):
             if part is None and count < length and end == Moment():
                 of_track = counted(length, "frame")
                 warnings.append(f"{self.reader.path} has only {count} of the track's {of_track}: the rest is left out")
+            warnings += ends_warnings(tracks, count if part is None else len(self.reader.times))
             description = renderer.description
         return Result(
             video,
@@ -287,11 +302,7 @@ class Session(AbstractContextManager["Session"]):
             total(track.counts_in(part) for track in tracks),
             time.perf_counter() - started,
             description,
-            list(
-                dict.fromkeys(
-                    [*warnings, *ends_warnings(tracks, first + count), *(streams.warnings if streams else [])]
-                )
-            ),
+            list(dict.fromkeys([*warnings, *(streams.warnings if streams else [])])),
             [{"ad": s.name, "states": track.counts_in(part)} for s, track in zip(surfaces, tracks, strict=True)],
             layer=outputs.layer.path if outputs.layer else None,
             matte=outputs.matte.path if outputs.matte else None,
@@ -306,12 +317,7 @@ class Session(AbstractContextManager["Session"]):
         """
         if options.frames is None:
             return None
-        info, times = self.reader.info, self.reader.times
-        zero = info.first_number if options.start_number is None else options.start_number
-        if info.is_pictures:
-            numbers = [zero + round((time - times[0]) * info.rate) for time in times]
-        else:
-            numbers = [*range(zero, zero + len(times))]
+        numbers = self._numbers(options)
         part = options.frames.indices(numbers)
         if not part:
             raise InputError(
@@ -320,6 +326,72 @@ class Session(AbstractContextManager["Session"]):
         if options.frames.last > numbers[-1]:
             log.warning("%s ends with frame %d, before %d", self.reader.path.name, numbers[-1], options.frames.last)
         return part
+
+    def _numbers(self, options: OutputOptions) -> list[int]:
+        """Of the video's frames, as of pictures of them."""
+        info, times = self.reader.info, self.reader.times
+        zero = info.first_number if options.start_number is None else options.start_number
+        if info.is_pictures:
+            return [zero + round((time - times[0]) * info.rate) for time in times]
+        return [*range(zero, zero + len(times))]
+
+    def _parts(self, outputs: Outputs, options: OutputOptions, end: Moment, tracks: Sequence[Track]) -> list[range]:
+        """The parts that are rendered by themselves, by the indices of their frames; none for all in one go."""
+        if options.parallel == 1 or options.frames is not None:
+            return []
+        why = None
+        if outputs.video is None or outputs.apart:
+            why = "layers and mattes are written in one go"
+        elif not is_joinable(outputs.video.path):
+            why = f"{outputs.video.path.suffix} is written in one go"
+        elif not self.reader.seekable:
+            why = f"{self.reader.path.name} cannot be entered but at its beginning"
+        else:
+            parts = divided(frames_until(end, self.reader.times), {c for t in tracks for c in t.cuts}, options.parallel)
+            if len(parts) > 1:
+                return parts
+            why = "the video is too short for parts"
+        log.warning("%s: rendering goes on without --parallel", why)
+        return []
+
+    def _render_parts(
+        self,
+        surfaces: Sequence[Surface],
+        tracks: Sequence[Track],
+        outputs: Outputs,
+        options: OutputOptions,
+        end: Moment,
+        parts: Sequence[range],
+    ) -> Result:
+        """As `_render`, each part in another process, of the video alone."""
+        started, times, numbers, video = time.perf_counter(), self.reader.times, self._numbers(options), outputs.video
+        assert video is not None
+        video.scratch.mkdir()
+        tasks, usual = [], {name: getattr(OutputOptions, name) for name in OF_SOUND}
+        for part in parts:
+            frames = FrameRange(numbers[part.start], numbers[part.stop - 1])
+            file = video.scratch / f"{part.start}{video.path.suffix}"
+            own = changed(options, parallel=1, frames=frames, **usual)
+            tasks.append(_Part(self.reader.source, surfaces, file, own))
+        count = sum(map(len, parts))
+        with Workers(options.parallel, self._stop) as workers:
+            results = workers.map(_render_part, tasks, Stage(self.listen, "render", 0, count))
+        streams = self._streams(surfaces, outputs, options, end)
+        assert streams is not None
+        [last] = self.reader.frames(count - 1, count)
+        files, end_time = [task.file for task in tasks], last.time + last.duration
+        join(files, video, times[:count], end_time, streams, self.reader.info)
+        warnings = [warning for result in results for warning in result.warnings]
+        return Result(
+            video.path,
+            count,
+            total(track.counts for track in tracks),
+            time.perf_counter() - started,
+            results[0].compositor,
+            list(dict.fromkeys([*warnings, *streams.warnings])),
+            [{"ad": s.name, "states": track.counts} for s, track in zip(surfaces, tracks, strict=True)],
+            verdict=judge(tracks),
+        )
 
     def _streams(
         self, surfaces: Sequence[Surface], outputs: Outputs, options: OutputOptions, end: Moment
@@ -437,10 +509,40 @@ class Session(AbstractContextManager["Session"]):
             log.warning("%s: packets and frames do not agree: starting over by decoding alone", self.reader.path.name)
             return work()
 
-    def _passes(self, options: TrackingOptions) -> Passes:
+    def _passes(self, options: TrackingOptions, workers: Workers | None = None) -> Passes:
         if self._make_tracker is None:
-            self._make_tracker = hdn_trackers(options)
-        return Passes(self.reader, self._make_tracker, options, self.listen, self._stop)
+            self._make_tracker, self._is_hdn = hdn_trackers(options), True
+        return Passes(self.reader, self._make_tracker, options, self.listen, self._stop, workers)
+
+    def _workers(self, options: TrackingOptions) -> AbstractContextManager[Workers | None]:
+        """The processes that track stretches of the video; None where this one does it."""
+        if options.parallel == 1:
+            return nullcontext()
+        why = None
+        if self._make_tracker is not None and not self._is_hdn:
+            why = "a tracker of one's own works in one process"
+        elif not self.reader.seekable:
+            why = f"{self.reader.path.name} cannot be entered but at its beginning"
+        if why is not None:
+            log.warning("%s: tracking goes on without --parallel", why)
+            return nullcontext()
+        return Workers(options.parallel, self._stop)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What one process renders of a video."""
+
+    source: Path | ImageSequence
+    surfaces: Sequence[Surface]
+    file: Path
+    options: OutputOptions
+
+
+def _render_part(part: _Part) -> Result:
+    """The work of a process."""
+    with Session(part.source, lambda event: frame_done()) as session:
+        return session.render(part.surfaces, part.file, part.options)
 
 
 def tracks_warnings(tracks: Sequence[Track], of_video: Sequence[str]) -> list[str]:

@@ -70,6 +70,7 @@ def test_deadline_takes_the_template() -> None:
     for step in (track, render):
         action = step.script.actions.onRun
         words = [str(action.command), *map(str, action.args)]
+        words = words[next(index for index, word in enumerate(words) if word in PARSERS) :]
         for name, value in values.items():
             words = [word.replace(f"{{{{Param.{name}}}}}", value) for word in words]
         given = accepted([word.replace("{{Task.Param.Frames}}", "0-149") for word in words])

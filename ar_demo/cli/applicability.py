@@ -69,6 +69,8 @@ RULES = (
         "a live output is a video alone",
     ),
     Rule(("frames",), "--live", _has("live"), "frames are seen once, as they come"),
+    Rule(("parallel",), "--live", _has("live"), "frames are seen once, as they come"),
+    Rule(("parallel",), "--frames", _has("frames"), "a part is rendered by one process"),
     Rule(("end",), "--frames", _has("frames"), "they have an end of their own"),
     Rule(("smooth",), "--live", _has("live"), "a 1 euro filter takes its place"),
     Rule(("first_light",), "--live", _has("live"), "frames are seen once, as they come"),

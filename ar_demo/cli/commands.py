@@ -110,6 +110,8 @@ def _track(given: Namespace, defaults: Defaults, display: Display) -> int:
     surface, *others = _surfaces(given, None, input, Defaults())
     if others:
         raise InputError("ar-track tracks one surface: give --find once, or let ar-replace --save-track write them all")
+    if surface.track is not None and "parallel" in given:
+        raise InputError("--parallel does nothing for a track that is corrected: leave it out")
     _check_tracked(given, [surface])
     output = given.output if "output" in given else beside(given.input, ".track.json")
     defaults = defaults.fitting(getattr(given, "save_steady", None), None)

@@ -35,7 +35,7 @@ REPORTING: dict[str, Any] = {"strict": bool, "quiet": bool, "json": bool, "progr
 # What is a matter of taste, or of the machine, and not of one job.
 _NAMES = {
     SurfaceEntry: ("fit", "playback", "blend", "opacity", "feather", "lost", "flat"),
-    TrackingEntry: ("smooth", "device", "weights"),
+    TrackingEntry: ("smooth", "device", "weights", "parallel"),
     LimitsEntry: ("max_held", "max_lost", "fail_lost", "max_deviation"),
     RenderingEntry: ("audio", "streams", "location", "backend", "codec", "crf", "depth", "overwrite"),
 }

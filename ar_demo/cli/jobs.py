@@ -143,6 +143,7 @@ class TrackingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     smooth: NotNegative | UnsetType = UNSET
     device: Device | UnsetType = UNSET
     weights: str | UnsetType = UNSET
+    parallel: Annotated[int, Meta(ge=1)] | UnsetType = UNSET
 
 
 class RenderingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
@@ -161,6 +162,7 @@ class RenderingEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     frames: Annotated[str, Meta(pattern=r"^\d+(-\d+)?$")] | UnsetType = UNSET  # as "1-100"
     start_number: Annotated[int, Meta(ge=0)] | UnsetType = UNSET
     overwrite: bool | UnsetType = UNSET
+    parallel: Annotated[int, Meta(ge=1)] | UnsetType = UNSET
 
 
 class LimitsEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):

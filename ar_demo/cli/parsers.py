@@ -362,6 +362,12 @@ def _add_fps(add: Any) -> None:
 def _add_networks(add: Any) -> None:
     add("--device", choices=CHOICES["device"], help="what runs the networks (default: auto)")
     add("--weights", type=Path, help="another weights file (.safetensors)")
+    add(
+        "--parallel",
+        type=natural,
+        metavar="N",
+        help="processes that share the work on this machine: a video is cut at scene cuts and keyframes (default: 1)",
+    )
 
 
 def _add_streams(add: Any) -> None:

@@ -58,6 +58,7 @@ class Claim:
     Attributes:
         path: the output.
         part: file, or folder, beside it that is to be written; `finish` gives it the output's name.
+        scratch: folder beside it for what the part is made of; nobody makes it but who needs it.
     """
 
     def __init__(self, path: Path | str, overwrite: bool = False, share: str = "") -> None:
@@ -77,6 +78,7 @@ class Claim:
         stem = _PREFIX + hashlib.blake2b(os.fsencode(self.path.name + share), digest_size=8).hexdigest()
         self._file = self.path.with_name(stem + _CLAIM)
         self.part = self.path.with_name(f"{stem}{_PART}{self.path.suffix}")
+        self.scratch = self.path.with_name(f"{stem}{_PART}s")
         _remove_dead(self.path.parent)
         try:
             self._lock = _take(self._file)
@@ -117,6 +119,7 @@ class Claim:
         self._released.set()
         self._pulse.join()
         self.discard()
+        _remove(self.scratch)
         lock, self._lock = self._lock, None
         _remove_claim(self._file, lock)
 

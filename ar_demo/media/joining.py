@@ -17,6 +17,9 @@ from av.video.stream import VideoStream
 from ..errors import InputError, RunError
 from . import codecs
 from .claims import Claim, reason_of
+from .planes import plain
+from .reader import VideoInfo
+from .siting import chroma_siting, turned
 from .streams import Streams
 
 # Whose frames are of their own or of a group that is: a GIF's are drawn over those before them.
@@ -67,13 +70,21 @@ class Part:
         return max(index - place for index, place in enumerate(self.order))
 
 
-def join(parts: Sequence[Path], output: Claim, times: Sequence[Fraction], end: Fraction, streams: Streams) -> None:
+def join(
+    parts: Sequence[Path],
+    output: Claim,
+    times: Sequence[Fraction],
+    end: Fraction,
+    streams: Streams,
+    source: VideoInfo | None = None,
+) -> None:
     """Makes one video of parts; it appears only when it is complete.
 
     Args:
         parts: in their order, each encoded by itself in the same way, in files of the output's kind.
         times: of all their frames, seconds on the source's clock; end: of the last one.
         streams: what goes along with the picture.
+        source: the video that the parts are of, for what they do not tell themselves; None for another's.
 
     Raises:
         InputError: parts that are not alike, of another kind of file, or with more or fewer frames.
@@ -84,7 +95,7 @@ def join(parts: Sequence[Path], output: Claim, times: Sequence[Fraction], end: F
     try:
         kind = codecs.CONTAINERS[output.path.suffix.lower()]
         container = av.open(str(output.part), "w", format=kind.muxer, container_options=dict(kind.options))
-        stream = _like(parts[0], container, kind.muxer)
+        stream = _like(parts[0], container, kind.muxer, source)
         streams.attach(container, stream)
         container.start_encoding()
         zero = streams.begin(times[0])
@@ -116,7 +127,7 @@ def _checked(parts: list[Part], output: Path, frames: int) -> list[Part]:
     return parts
 
 
-def _like(part: Path, container: Any, muxer: str) -> VideoStream:
+def _like(part: Path, container: Any, muxer: str, of: VideoInfo | None) -> VideoStream:
     """Adds a stream to a container that is not begun yet, like that of a part."""
     with av.open(str(part)) as source:
         theirs = source.streams.video[0]
@@ -127,9 +138,11 @@ def _like(part: Path, container: Any, muxer: str) -> VideoStream:
             stream.codec_tag = context.codec_tag  # by which players tell one ProRes from another
         else:  # Matroska says the frame rate, which a template does not have: so an encoder is opened, and not used
             encoder, pixels = _encoder(context)
-            stream = container.add_stream(
-                encoder.encoder, rate=theirs.average_rate, options=encoder.options_for(pixels)
-            )
+            options = encoder.options_for(pixels)
+            if of is not None and not of.is_pictures and pixels == plain(of.pixel_format):
+                siting = turned(chroma_siting(of.path), of.rotation) if pixels.startswith("yuv420") else None
+                options |= {} if siting is None else {"chroma_sample_location": siting}
+            stream = container.add_stream(encoder.encoder, rate=theirs.average_rate, options=options)
             own = stream.codec_context
             own.pix_fmt = pixels
             for name in ("width", "height", "color_range", "colorspace", "color_primaries", "color_trc"):

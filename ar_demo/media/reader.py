@@ -212,6 +212,16 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         return [*self._told, *damage]
 
     @property
+    def is_damaged(self) -> bool:
+        """Whether damage is seen so far."""
+        return bool(self._damaged or self._missing) or self._broken is not None
+
+    def take_note(self, warnings: Iterable[str]) -> None:
+        """Adds what another reader of the same file told."""
+        for warning in warnings:
+            self._warn(warning)
+
+    @property
     def first_number(self) -> int | None:
         """Number of the first picture of an image sequence; None for a video."""
         return self.info.first_number if isinstance(self.source, ImageSequence) else None

@@ -89,6 +89,11 @@ def keyframes_of(keyframes: Sequence[Keyframe], quad: Array, start: int, times: 
     return found
 
 
+def frames_until(end: Moment, times: Sequence[Fraction]) -> int:
+    """How many of these frames there are up to the end."""
+    return sum(is_within(end, index, time - times[0]) for index, time in enumerate(times))
+
+
 def is_within(end: Moment, index: int, elapsed: Fraction) -> bool:
     """Whether a frame is not after the end."""
     return (end.frame is None or index <= end.frame) and (end.time is None or elapsed <= end.time)

@@ -13,27 +13,33 @@ from hdn.imaging.arrays import Array
 from hdn.imaging.regions import EVERYWHERE, Region
 from hdn.plane.picture import PlanePicture
 
-from ..errors import InputError
-from ..media.reader import VideoReader
+from ..errors import InputError, RunError
+from ..media.reader import IndexDropped, VideoReader
 from ..media.threads import ahead
 from ..options import TrackingOptions
 from ..progress import Listener, Stage
 from ..stopping import StopSignal
 from ..surface import Keyframe, Surface
 from ..tracks import Source, Track
+from ..workers import Workers
 from .contradiction import contradicting, leap
 from .corrections import merged_keyframes, new_keyframes, tell
-from .moments import is_within, keyframes_of, starts, until
+from .moments import frames_until, keyframes_of, starts, until
 from .pictures import plane_pictures, reference_frame
 from .protocol import MakeTracker, PlanarTracker
 from .runs import Run, backward_runs, check_runs, fixes_of, forward_runs, gap_runs
 from .solution import blank, is_uncertain, may_gain, solve
+from .stretches import Aim, divided, follow
 from .sweep import Follower, backward_stretches, sweep
 
 log = logging.getLogger(__name__)
 
 MOST_CHECKS = 3  # of places that contradict each other, in a surface's passes
 NO_QUAD = "tracking needs the surface's corners in the reference frame: give --quad or --track"
+
+
+class Undivided(RunError):
+    """A video that is better tracked in one process, since the numbers of its frames may be wrong elsewhere."""
 
 
 @dataclass
@@ -47,6 +53,7 @@ class Target:
         track: what is known so far.
         runs: that went through the video.
         region: where tracking may look, in the reference frame.
+        aim: what its tracker began with, where other processes track it as well.
     """
 
     tracker: PlanarTracker
@@ -57,6 +64,7 @@ class Target:
     track: Track | None = None
     region: Region = EVERYWHERE
     runs: list[Run] = field(default_factory=list)
+    aim: Aim | None = None
 
     @property
     def given(self) -> dict[int, Array]:
@@ -88,7 +96,10 @@ class Passes:
         options: TrackingOptions,
         listen: Listener,
         stop: StopSignal,
+        workers: Workers | None = None,
     ) -> None:
+        """Args: workers: that track stretches of it, with HDN's trackers; None does all in this process."""
+        self.workers = workers
         self.reader, self.make_tracker, self.options = reader, make_tracker, options
         self.listen, self.stop = listen, stop
         self.cuts: set[int] = set()
@@ -106,15 +117,26 @@ class Passes:
         """
         if any(surface.quad is None for surface in surfaces):
             raise InputError(NO_QUAD)
-        targets = self._targets(surfaces)
-        self._both_ways(targets)
-        self._recheck(targets)
-        self._again(targets)
+        try:
+            targets = self._tracked(surfaces)
+        except (Undivided, IndexDropped) as error:
+            if self.workers is None:
+                raise
+            log.warning("%s: tracking it in one process instead", error)
+            self.workers, self.cuts = None, set()
+            targets = self._tracked(surfaces)
         for target in targets:
             target.known.warnings = [*self.reader.warnings, *target.known.warnings]
             target.known.region = target.region
             tell(target.known)
         return [target.known for target in targets]
+
+    def _tracked(self, surfaces: Sequence[Surface]) -> list[Target]:
+        targets = self._targets(surfaces)
+        self._both_ways(targets)
+        self._recheck(targets)
+        self._again(targets)
+        return targets
 
     def prepare(self, surfaces: Sequence[Surface]) -> tuple[list[int], int]:
         """Does all that comes before the first pass: the frames of the surfaces' quads, and the first to be tracked.
@@ -172,7 +194,9 @@ class Passes:
             keyframes = keyframes_of(surface.keyframes, quad, start, self.reader.times)
             tracker = self.make_tracker()
             tracker.init(seen[start], quad, surface.tracking_region)
-            targets.append(Target(tracker, quad, start, quad, keyframes, region=surface.tracking_region))
+            region = surface.tracking_region
+            aim = Aim(seen[start].image, quad, region)
+            targets.append(Target(tracker, quad, start, quad, keyframes, region=region, aim=aim))
         return targets
 
     def _both_ways(self, targets: Sequence[Target], prefix: str = "") -> None:
@@ -253,7 +277,8 @@ class Passes:
         assert isinstance(tracker, Tracker)
         region = target.region.transformed(np.asarray(np.linalg.inv(picture.to_reference)))
         tracker.init(Observation(picture.image), picture.quad, region, picture.on_plane)
-        return Target(tracker, picture.quad, picture.index, picture.corners, target.keyframes)
+        aim = Aim(picture.image, picture.quad, region, picture.on_plane)
+        return Target(tracker, picture.quad, picture.index, picture.corners, target.keyframes, aim=aim)
 
     def _forward(
         self, targets: Sequence[Target], runs: Sequence[Sequence[Run]], first: int, stop: int | None, stage: str
@@ -263,6 +288,9 @@ class Passes:
         Returns:
             Index of the frame after the last that was seen.
         """
+        if self.workers is not None:
+            last = self._frames_in_all() - 1 if stop is None else stop - 1
+            return self._divided(targets, runs, [(first, last)], False, stage)
         for target, r in zip(targets, runs, strict=True):
             target.runs += r
         followers = [target.follower(r) for target, r in zip(targets, runs, strict=True)]
@@ -277,10 +305,44 @@ class Passes:
         """Frames that a pass goes through, or all of the video's for one to the end, as far as that is known."""
         if stop is not None:
             return stop - first
-        if not self.reader.seekable:
-            return self.reader.info.frames
-        times = self.reader.times
-        return sum(is_within(self.options.last, i, time - times[0]) for i, time in enumerate(times))
+        return self._frames_in_all() if self.reader.seekable else self.reader.info.frames
+
+    def _frames_in_all(self) -> int:
+        """Frames up to the last that is tracked."""
+        return frames_until(self.options.last, self.reader.times)
+
+    def _divided(
+        self,
+        targets: Sequence[Target],
+        runs: Sequence[Sequence[Run]],
+        spans: Sequence[tuple[int, int]],
+        backward: bool,
+        stage: str,
+    ) -> int:
+        """Has other processes do a pass, each a stretch of it.
+
+        Args: spans: first and last frame of each part of the video that the runs go through.
+
+        Returns:
+            Index of the frame after the last that was seen.
+
+        Raises:
+            Undivided: the file is damaged.
+        """
+        assert self.workers is not None
+        aims = [target.aim for target in targets if target.aim is not None]
+        source, count = self.reader.source, self.workers.count
+        stretches = divided(source, self.options, aims, runs, spans, backward, count)
+        show = Stage(self.listen, stage, 0, sum(last + 1 - low for low, last in spans))
+        followed = self.workers.map(follow, stretches, show)
+        if any(found.is_damaged for found in followed):
+            raise Undivided(f"{self.reader.path.name} is damaged")
+        for found in followed:
+            self.reader.take_note(found.warnings)
+            self.cuts |= found.cuts
+            for target, each in zip(targets, found.runs, strict=True):
+                target.runs += each
+        return max((found.end for found in followed), default=0)
 
     def _back(
         self, targets: Sequence[Target], forward: Sequence[list[Run]], back: Sequence[list[Run]], prefix: str = ""
@@ -303,10 +365,13 @@ class Passes:
 
     def _sweep_back(self, targets: Sequence[Target], runs: Sequence[Sequence[Run]], stage: str) -> None:
         """Shows the frames of the surfaces' backward runs to them, the last one first."""
+        stretches = backward_stretches(chain.from_iterable(runs))
+        if self.workers is not None:
+            self._divided(targets, runs, stretches, True, stage)
+            return
         for target, r in zip(targets, runs, strict=True):
             target.runs += r
         followers = [target.follower(r) for target, r in zip(targets, runs, strict=True)]
-        stretches = backward_stretches(chain.from_iterable(runs))
         show = Stage(self.listen, stage, 0, sum(high + 1 - low for low, high in stretches))
         for low, high in stretches:
             with ahead(self.reader.backward(high + 1, low)) as frames:

@@ -89,6 +89,7 @@ OPTIONS: dict[str, list[str]] = {
     "max_lost": ["--max-lost", "0.3"],
     "fail_lost": ["--fail-lost", "90%"],
     "max_deviation": ["--max-deviation", "1.5"],
+    "parallel": ["--parallel", "2"],
 }
 OF_BOTH = (
     "report",
@@ -113,6 +114,7 @@ OF_BOTH = (
     "weights",
     "max_frames",
     "max_pixels",
+    "parallel",
 )
 OPTIONS_OF_TRACK = {name: OPTIONS[name] for name in OF_BOTH} | {
     "save_map": ["--save-map", "map.png"],

@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import av
+import numpy as np
 import pytest
 
 from ar_demo.errors import InputError
@@ -34,7 +35,16 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def copy(frames: Iterable[Frame], source: VideoReader, path: Path, streams: Streams | None, codec: str) -> Path:
     info = source.info
     with VideoWriter(
-        path, info.width, info.height, info.rate, codec=codec, streams=streams, time_base=info.time_base
+        path,
+        info.width,
+        info.height,
+        info.rate,
+        codec=codec,
+        streams=streams,
+        time_base=info.time_base,
+        pixel_format=info.pixel_format,
+        colour=info.colour,
+        siting="left",
     ) as writer:
         for frame in frames:
             writer.write(frame.image, frame.time, frame.duration)
@@ -59,11 +69,13 @@ def test_the_same_as_in_one_go(source: Path, tmp_path: Path, codec: str, suffix:
         whole = copy(reader.frames(), reader, tmp_path / f"whole{suffix}", Streams("source", source), codec)
         parts = [copy(reader.frames(a, b), reader, tmp_path / f"{a}{suffix}", None, codec) for a, b in pairwise(SEAMS)]
         with Claim(tmp_path / f"joined{suffix}") as claim:
-            join(parts, claim, reader.times, reader.times[-1] + 1 / RATE, Streams("source", source))
+            join(parts, claim, reader.times, reader.times[-1] + 1 / RATE, Streams("source", source), reader.info)
     assert what_it_says(whole) == what_it_says(claim.path)
     assert clips.sound_packets(whole) == clips.sound_packets(claim.path)
-    with VideoReader(claim.path) as joined:
+    with VideoReader(claim.path) as joined, VideoReader(whole) as other:
         assert numbers(joined.frames()) == [*range(FRAMES)]
+        [first], [same] = joined.frames(0, 1), other.frames(0, 1)
+        np.testing.assert_array_equal(first.image, same.image)
         assert numbers(joined.frames(50, 52)) == [50, 51]  # by seeking
         assert joined.warnings == []
 
