@@ -46,10 +46,10 @@ class Limits:
         InputError: a value that is not allowed.
     """
 
-    max_held: float = 0.05
+    max_held: float = 0.5
     max_lost: float = 0.0
     fail_lost: float = 0.5
-    max_deviation: float = 2.0
+    max_deviation: float = 1.5
 
     def __post_init__(self) -> None:
         for name in ("max_held", "max_lost", "fail_lost"):

@@ -31,14 +31,14 @@ def made(held: int = 0, lost: int = 0, deviation: float = 0.3, frames: int = 100
     ("track", "status", "words"),
     [
         (made(), "pass", []),
-        (made(held=5), "pass", []),
-        (made(held=6), "check", ["held in 6 of 100 frames (6.0%)"]),
+        (made(held=50), "pass", []),
+        (made(held=51), "check", ["held in 51 of 100 frames (51.0%)"]),
         (made(lost=1), "check", ["lost in 1 of 100 frames (1.0%)"]),
         (made(lost=50), "check", ["lost"]),
         (made(lost=51), "fail", ["lost"]),
-        (made(deviation=2.1), "check", ["2.1 px at worst"]),
+        (made(deviation=1.6), "check", ["1.6 px at worst, by more than 1.5 px in 1 frame"]),
         (made(deviation=2.1, width=1920), "pass", []),
-        (made(held=20, lost=10, deviation=4), "check", ["lost", "held", "4.0 px"]),
+        (made(held=60, lost=10, deviation=4), "check", ["lost", "held", "4.0 px"]),
     ],
 )
 def test_thresholds(track: Track, status: str, words: list[str]) -> None:
@@ -57,13 +57,13 @@ def test_thresholds_can_be_moved() -> None:
 
 
 def test_the_worst_surface_counts_and_is_named() -> None:
-    verdict = judge([made(), made(held=10, deviation=3)])
+    verdict = judge([made(), made(held=60, deviation=3)])
     assert verdict.status == "check"
     assert [reason[:9] for reason in verdict.reasons] == ["surface 2"] * 2
     assert verdict.summary() == {
         "status": "check",
         "reasons": verdict.reasons,
-        "held": 0.1,
+        "held": 0.6,
         "lost": 0.0,
         "deviation": 3.0,
     }

@@ -420,15 +420,15 @@ def _add_progress_kind(add: Any) -> None:
 
 def _add_verdict(parser: Parser) -> None:
     add = parser.add_argument_group("the verdict: what passes unseen").add_argument
-    add("--max-held", metavar="SHARE", help="of the frames, that may be held (default: 5%%), else check")
+    add("--max-held", metavar="SHARE", help="of the frames, that may be held (default: 50%%), else check")
     add("--max-lost", metavar="SHARE", help="of the frames, that may be lost (default: 0%%), else check")
     add("--fail-lost", metavar="SHARE", help="of lost frames, beyond which it fails (default: 50%%)")
     add(
         "--max-deviation",
         type=float,
         metavar="PX",
-        help="standard deviation of the corners that no frame may exceed (default: 2; in proportion more where frames "
-        "are larger than 1280 px), else check",
+        help="standard deviation of the corners that no frame may exceed (default: 1.5; more, in proportion, where "
+        "frames are larger than 1280 px), else check",
     )
 
 

@@ -153,9 +153,8 @@ def tracked(cases: Iterable[Case], out: Path) -> Iterator[tuple[Case, Track]]:
 def table(outcomes: Sequence[Outcome], limits: Limits) -> list[str]:
     """Lines of Markdown: by what was done, and for both halves."""
     rows = [
-        "| clips | tracks | wrong | of these `pass` | good | of these not `pass` | good, nowhere lost | of these not "
-        "`pass` |",
-        "|---|---|---|---|---|---|---|---|",
+        "| clips | tracks | `pass` | wrong that `pass` | good that do not | of these nowhere lost |",
+        "|---|---|---|---|---|---|",
     ]
     kinds = dict.fromkeys(outcome.kind for outcome in outcomes)
     rows += [_row(kind, [o for o in outcomes if o.kind == kind], limits) for kind in kinds]
@@ -183,8 +182,9 @@ def by_threshold(outcomes: Sequence[Outcome]) -> list[str]:
 
 @dataclass(frozen=True)
 class _Counts:
-    """How many tracks are wrong, or good, or good and nowhere lost ("seen"), and how the verdict takes them."""
+    """How many tracks pass, are wrong, or good, or good and nowhere lost ("seen"), and how the verdict takes them."""
 
+    passes: int
     wrong: int
     wrong_passes: int
     good: int
@@ -198,6 +198,7 @@ def _counts(outcomes: Sequence[Outcome], limits: Limits) -> _Counts:
     wrong, good = [o for o in outcomes if o.wrong], [o for o in outcomes if o.good]
     seen = [o for o in good if not o.track.counts["lost"]]
     return _Counts(
+        sum(passes.values()),
         len(wrong),
         sum(passes[id(o)] for o in wrong),
         len(good),
@@ -209,8 +210,9 @@ def _counts(outcomes: Sequence[Outcome], limits: Limits) -> _Counts:
 
 def _row(name: str, outcomes: Sequence[Outcome], limits: Limits) -> str:
     c = _counts(outcomes, limits)
-    figures = len(outcomes), c.wrong, c.wrong_passes, c.good, c.good_checked, c.seen, c.seen_checked
-    return f"| {name} | {' | '.join(map(str, figures))} |"
+    shares = (c.wrong_passes, c.wrong), (c.good_checked, c.good), (c.seen_checked, c.seen)
+    figures = " | ".join(f"{some} of {all_}" for some, all_ in shares)
+    return f"| {name} | {len(outcomes)} | {c.passes} | {figures} |"
 
 
 if __name__ == "__main__":

@@ -64,7 +64,8 @@ def test_the_page_lies_beside_the_track(run: Run, file: Path, clip: Path) -> Non
     ("held", "lost", "options", "verdict", "status"),
     [
         (0, 0, [], "pass", 0),
-        (2, 0, [], "check", 4),
+        (6, 0, [], "check", 4),
+        (2, 0, ["--max-held", "10%"], "check", 4),
         (2, 0, ["--max-held", "20%"], "pass", 0),
         (1, 6, [], "fail", 5),
         (1, 6, ["--fail-lost", "0.6"], "check", 4),
@@ -114,21 +115,21 @@ def test_ar_track_writes_one(run: Run, clip: Path, tmp_path: Path, shared_networ
 
 def test_ar_replace_writes_one_with_stills_before_and_after(run: Run, clip: Path, file: Path, tmp_path: Path) -> None:
     page = tmp_path / "r.html"
-    changed(file, held=3)
+    changed(file, held=6)
     given = [clip, "--effect", "mosaic", "--track", file, "-o", tmp_path / "o.mp4", "--report", page]
     status, out, err = run(*given, "--strict", main=entry.replace_main)
     assert status == 4, err
-    assert "verdict: check: held in 3 of 10 frames" in out
+    assert "verdict: check: held in 6 of 10 frames" in out
     text = page.read_text(encoding="utf-8")
     assert text.count(", after'") == 3
     assert "mosaic" in text
 
 
 def test_a_job_names_one_and_its_limits(run: Run, clip: Path, file: Path, tmp_path: Path) -> None:
-    changed(file, held=3)
+    changed(file, held=6)
     job = {
         "version": 1, "input": str(clip), "output": "o.mp4", "report": "r.html",
-        "limits": {"max_held": "30%"}, "surfaces": [{"effect": "blur", "track": "t.json"}],
+        "limits": {"max_held": "60%"}, "surfaces": [{"effect": "blur", "track": "t.json"}],
     }  # fmt: skip
     (tmp_path / "job.json").write_text(json.dumps(job))
     status, out, err = run("--job", tmp_path / "job.json", "--strict", "--json", main=entry.replace_main)
@@ -150,6 +151,6 @@ def test_a_dry_run_names_it_and_writes_nothing(run: Run, clip: Path, file: Path,
 
 def test_a_default_of_ones_own(run: Run, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     changed(file, held=2)
-    monkeypatch.setenv("AR_REPLACE_MAX_HELD", "20%")
-    assert run(file, "--strict")[0] == 0
-    assert run(file, "--strict", "--overwrite", "--max-held", "10%")[0] == 4
+    monkeypatch.setenv("AR_REPLACE_MAX_HELD", "10%")
+    assert run(file, "--strict")[0] == 4
+    assert run(file, "--strict", "--overwrite", "--max-held", "20%")[0] == 0

@@ -62,8 +62,8 @@ def test_frames_without_a_truth_do_not_count() -> None:
 def test_tables() -> None:
     some = [outcome(), outcome(deviation=9), outcome(off=11), outcome(off=11, deviation=9), outcome(lost=2, seen=0.1)]
     rows = table([*some, replace(outcome(), chosen_by=False)], LIMITS)
-    assert rows[-2].endswith("** | 5 | 2 | 1 | 3 | 2 | 2 | 1 |")
-    assert rows[-1].endswith("** | 1 | 0 | 0 | 1 | 0 | 1 | 0 |")
+    assert rows[-2].endswith("** | 5 | 2 | 1 of 2 | 2 of 3 | 1 of 2 |")
+    assert rows[-1].endswith("** | 1 | 1 | 0 of 0 | 0 of 1 | 0 of 1 |")
     rows = by_threshold(some)
     assert "| 2 px | 5% | 1 of 2 | 0 of 0 | 1 of 2 | 0 of 0 |" in rows
 

@@ -148,7 +148,7 @@ def test_several_surfaces(clip: Path) -> None:
     report = Report.of([good, tracked()], clip, names=["a.png", None])
     page = Page(report.html())
     assert "Surface 1: a.png" in page.text
-    assert "surface 2: held" in page.text
+    assert "surface 2: lost" in page.text
     ids = [attrs["id"] for attrs in page.having("input")]
     assert len({*ids}) == 2
 
