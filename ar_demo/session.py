@@ -295,7 +295,7 @@ class Session(AbstractContextManager["Session"]):
                 of_track = counted(length, "frame")
                 warnings.append(f"{self.reader.path} has only {count} of the track's {of_track}: the rest is left out")
             warnings += ends_warnings(tracks, count if part is None else len(self.reader.times))
-            description = renderer.description
+            description, lights = renderer.description, renderer.first_lights
         return Result(
             video,
             count,
@@ -303,7 +303,10 @@ class Session(AbstractContextManager["Session"]):
             time.perf_counter() - started,
             description,
             list(dict.fromkeys([*warnings, *(streams.warnings if streams else [])])),
-            [{"ad": s.name, "states": track.counts_in(part)} for s, track in zip(surfaces, tracks, strict=True)],
+            [
+                {"ad": surface.name, "states": track.counts_in(part), "first_light": light}
+                for surface, track, light in zip(surfaces, tracks, lights, strict=True)
+            ],
             layer=outputs.layer.path if outputs.layer else None,
             matte=outputs.matte.path if outputs.matte else None,
             verdict=judge(tracks),

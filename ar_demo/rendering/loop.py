@@ -115,6 +115,9 @@ class Renderer(AbstractContextManager["Renderer"]):
         Raises:
             InputError: an ad that cannot be read, a surface without a track.
             RunError: the backend is not available.
+
+        Attributes:
+            first_lights: of each surface what is told of the light in its reference frame; None for nothing.
         """
         self._reader = reader
         self._drawn: list[_Drawn] = []
@@ -122,6 +125,7 @@ class Renderer(AbstractContextManager["Renderer"]):
             self._compositor = opened.enter_context(open_compositor(backend))
             frames = frames or reader.frames
             lights = first_lights(str(reader.path), frames, [_told(surface) for surface in surfaces])
+            self.first_lights = [None if light is None else light.summary for light in lights]
             for surface, light in zip(surfaces, lights, strict=True):
                 drawn = _Drawn(surface, _track(surface), light, reader, self._compositor, frames)
                 opened.enter_context(drawn.painter)

@@ -17,6 +17,7 @@ from ..compositing.fit import fit_region, quad_aspect
 from ..compositing.layer import Frame, Layer, in_float
 from ..compositing.merge import blurred_layer, merge
 from ..compositing.raster import WHOLE
+from ..compositing.spill import without_spill
 from ..compositing.streak import smeared
 from ..compositing.trim import inset_pose, rounded
 from ..errors import InputError
@@ -68,6 +69,7 @@ class Painter(AbstractContextManager["Painter"]):
             self._ad = open_ad(surface.ad, surface.playback)
             inner = inset_pose(quad, self._size, surface.inset)
             self._region = fit_region(surface.fit, self._ad.width / self._ad.height, quad_aspect(inner, size))
+        self._opaque = False  # whether the last picture was
         self._lit: tuple[Picture, Light, Floats] | None = None  # a picture, a light, and the picture in this light
 
     def draw(
@@ -105,7 +107,16 @@ class Painter(AbstractContextManager["Painter"]):
         occluder = None
         if conditions is not None:
             layer, occluder = self._as_seen(layer, pose, conditions, image.shape[:2]), conditions.occluder
+            if self._fills_the_surface and hdr is None:
+                without_spill(image, layer, pose, float(np.trace(conditions.blur)) / 2, occluder)
         return merge(image, layer, self.surface.blend, strength, occluder, cover, hdr)
+
+    @property
+    def _fills_the_surface(self) -> bool:
+        """Whether the ad, as it was drawn last, has the surface's edge, and nothing of that is seen through it."""
+        surface = self.surface
+        whole = surface.fit != "contain" and not (surface.inset or surface.radius or surface.feather)
+        return self._opaque and whole and surface.blend == "normal" and surface.opacity == 1
 
     def layer(self, image: Frame, pose: Array, time: Fraction, light: Light | None = None) -> Layer | None:
         """What is to be laid on a frame (H, W, 3); None where there is nothing to see. See `draw`."""
@@ -119,6 +130,7 @@ class Painter(AbstractContextManager["Painter"]):
         picture: Picture | None = self._ad.at(time)
         if picture is None:
             return None
+        self._opaque = picture.shape[2] == 3
         if light is not None:
             picture = self._in_light(picture, pose, light)
         layer = self._compositor.draw(picture, inner, size, self._region, self.surface.feather)

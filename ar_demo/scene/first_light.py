@@ -49,6 +49,14 @@ class FirstLight:
     staying: Light
 
     @property
+    def summary(self) -> dict[str, float | bool]:
+        """For a report: the least gain, the most that is mirrored, and whether either moves on."""
+        whole = self.staying.under(self.moving)
+        moves = bool((self.moving.gain != 1).any() or self.moving.gloss.any())
+        least, most = float(whole.gain.min()), float(whole.gloss.max())
+        return {"least_gain": round(least, 2), "most_glare": round(most, 2), "moves": moves}
+
+    @property
     def mirrored(self) -> "FirstLight":
         """What is mirrored of it alone, as in a screen, on which no shadow falls."""
         return FirstLight(*(Light(np.ones_like(part.gain), part.gloss) for part in (self.moving, self.staying)))
