@@ -36,6 +36,7 @@ class LightingModel:
     """When a picture is lit anew."""
 
     same_light: float = 0.004  # share of white's grey level, by which light may differ without that
+    rows: int = 64  # that are lit at a time: they fit the cache
 
 
 LIGHTING = LightingModel()
@@ -195,12 +196,16 @@ def grained(layer: Layer, grain: Grain) -> Layer:
 
 def lit(picture: Picture, light: Light) -> Floats:
     """A picture (h, w, 3 or 4) in the light on each of its pixels, 0..1: what would be brighter than white is white."""
-    # Light is laid on grey levels of 8 bit.
-    levels = picture if picture.dtype == np.uint8 else in_float(picture) * np.float32(255)
-    shown = light.on(np.ascontiguousarray(levels[..., :3]))
-    np.multiply(shown, np.float32(1 / 255), out=shown)
-    np.minimum(shown, 1, out=shown)
-    return shown if picture.shape[2] == 3 else np.concatenate([shown, in_float(picture)[..., 3:]], axis=2)
+    out = np.empty(picture.shape, np.float32)
+    for top in range(0, len(picture), LIGHTING.rows):
+        rows = slice(top, top + LIGHTING.rows)
+        # Light is laid on grey levels of 8 bit.
+        levels = picture[rows] if picture.dtype == np.uint8 else in_float(picture[rows]) * np.float32(255)
+        shown = Light(light.gain[rows], light.gloss[rows]).on(np.ascontiguousarray(levels[..., :3]))
+        np.minimum(shown * np.float32(1 / 255), 1, out=out[rows, :, :3])
+    if picture.shape[2] == 4:
+        out[..., 3] = in_float(picture[..., 3])
+    return out
 
 
 def check_ad(surface: Surface) -> None:
