@@ -43,7 +43,7 @@ class RectanglesModel:
     min_support: float = 0.55  # share of each side
     min_score: float = 0.45
     same_ratio: float = 0.12  # of the quad's size, within which two corners are the same
-    most: int = 12
+    most: int = 8
 
 
 MODEL = RectanglesModel()
@@ -192,11 +192,16 @@ def _candidates(image: Image, model: RectanglesModel) -> tuple[Array, Array]:
     points = np.nan_to_num(points, nan=-1e6)
     on_a, on_u = a_edges.place(points), u_edges.place(points.swapaxes(0, 1))
     a, u = (_pairs(each, model.min_overlap) for each in (across[:, ::2], upright[:, 1::2]))
-    i, j = (grid.ravel() for grid in np.meshgrid(np.arange(len(a)), np.arange(len(u)), indexing="ij"))
+    # Of each line, between each two that it crosses: most stretches are no edge, and are no side of anything.
+    along_a = _shares(a_edges, on_a, u) >= model.min_support
+    along_u = _shares(u_edges, on_u, a) >= model.min_support
+    i, j = np.nonzero(along_a[a].all(1) & along_u[u].all(1).T)
     top, bottom, left, right = a[i, 0], a[i, 1], u[j, 0], u[j, 1]
     quads = np.stack([points[top, left], points[top, right], points[bottom, right], points[bottom, left]], 1)
     fits = _plausible(quads, image, model)
     quads, top, bottom, left, right = (each[fits] for each in (quads, top, bottom, left, right))
+    if not len(quads):
+        return np.empty((0, 4, 2)), np.empty(0)
     sides = [
         (a_edges, top, on_a[top, left], on_a[top, right]),
         (a_edges, bottom, on_a[bottom, left], on_a[bottom, right]),
@@ -209,7 +214,15 @@ def _candidates(image: Image, model: RectanglesModel) -> tuple[Array, Array]:
     size = np.sqrt(lengths[:, [0, 2]].mean(1) * lengths[:, [1, 3]].mean(1)) / max(image.shape[:2])
     score = (support.mean(1) + support.min(1)) / 2 - model.beyond_weight * beyond
     score = score * np.clip(size / model.large, 0.5, 1) + model.size_weight * np.minimum(size, 0.6)
-    return _ordered(quads), np.where(support.min(1) >= model.min_support, score, 0.0)
+    return _ordered(quads), score
+
+
+def _shares(edges: _Edges, crossings: Array, pairs: NDArray[np.intp]) -> Array:
+    """The share of edge (n, k) along lines, between each pair (k, 2) of those that they cross at (n, m), px."""
+    n, k = len(crossings), len(pairs)
+    line = np.repeat(np.arange(n), k)
+    begin, end = (crossings[:, pairs[:, side]].ravel() for side in (0, 1))
+    return edges.share(line, begin, end).reshape(n, k)
 
 
 def _pairs(extents: Array, min_overlap: float) -> NDArray[np.intp]:
