@@ -25,7 +25,7 @@ from .study import Frames
 class PreviewModel:
     """How much is looked at for a single frame."""
 
-    run_up_frames: int = 4  # before it, of which its light, grain and shutter are learnt; 50 make it exact
+    run_up_frames: int = 2  # before it, of which its light, grain and shutter are learnt; 50 make it exact
 
 
 MODEL = PreviewModel()

@@ -1,8 +1,9 @@
 """A look at a clip before it is drawn on: how its surfaces were lit in their first views."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
+from typing import Protocol
 
 import numpy as np
 
@@ -12,7 +13,11 @@ from ..media.reader import Frame
 from ..scene.first_light import FirstLight, LightStudy
 from ..tracks import Track
 
-Frames = Callable[[int, int], Iterable[Frame]]  # a video's, from one to before another
+
+class Frames(Protocol):
+    """Gives a video's frames from one to before another, or only some of these."""
+
+    def __call__(self, start: int, stop: int, only: Container[int] | None = None, /) -> Iterable[Frame]: ...
 
 
 @dataclass(frozen=True)
@@ -66,8 +71,8 @@ def _told(frames: Frames, tracks: dict[str, Track]) -> dict[str, FirstLight | No
             studies[name] = LightStudy(first.view, track.quad, shared_matte(), load_lighting())
             for index in indices:
                 chosen.setdefault(index, []).append(name)
-    for frame in frames(min(chosen), max(chosen) + 1) if chosen else ():
-        for name in chosen.get(frame.index, ()):
+    for frame in frames(min(chosen), max(chosen) + 1, chosen) if chosen else ():
+        for name in chosen[frame.index]:
             if not frame.damaged:
                 studies[name].see(frame.view, tracks[name].corners[frame.index])
     return {name: studies[name].light() if name in studies else None for name in tracks}

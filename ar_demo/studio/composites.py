@@ -1,6 +1,6 @@
 """What a rendering would look like, frame by frame, and the steady view: drawn in one thread, by the session."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from ..media.reader import Frame
@@ -46,7 +46,7 @@ class Composites:
 
     def steady(self, track: Track, index: int, height: int | None) -> bytes:
         """The surface of a track in a frame, standing still, as JPEG."""
-        image = self._frames.image(index)
+        image = self._frames.view(index)
         return jpeg(scaled(SteadyView(track).of(image, index), height))
 
     def _composite(
@@ -59,16 +59,18 @@ class Composites:
             self._preview = self._session.preview(surfaces(), frames=self._range)
             self._revision = revision
         image = self._preview.frame(index)
-        picture = jpeg(scaled(self._frames.image(index) if image is None else image, height))
+        picture = jpeg(scaled(self._frames.view(index) if image is None else image, height))
         self._kept.put((revision, index, height), picture, len(picture))
         return picture
 
-    def _range(self, first: int, stop: int) -> Iterator[Frame]:
+    def _range(self, first: int, stop: int, only: Container[int] | None = None) -> Iterator[Frame]:
         """Frames that may be drawn into."""
         times = self._session.reader.times
         for index in range(first, min(stop, self._frames.count)):
-            duration = times[index + 1] - times[index] if index + 1 < len(times) else 1 / self._session.reader.info.rate
-            yield Frame(index, times[index], duration, self._frames.image(index).copy())
+            if only is None or index in only:
+                last = index + 1 == len(times)
+                duration = 1 / self._session.reader.info.rate if last else times[index + 1] - times[index]
+                yield Frame(index, times[index], duration, self._frames.view(index).copy())
 
     def _end(self) -> None:
         if self._preview is not None:

@@ -41,8 +41,8 @@ class FramesModel:
     most_disk_bytes: int = 4 << 30  # that they take, and no more than
     most_disk_share: float = 0.25  # of what is free
     memory_bytes: int = 48 << 20  # of pictures that were made smaller, or are not kept on disk
-    whole_bytes: int = 96 << 20  # of the latest frames that were decoded, at full size
-    before_frames: int = 12  # that are kept at full size on a long way from a key frame to one that is asked for
+    whole_bytes: int = 64 << 20  # of the latest frames that were decoded, at full size
+    before_frames: int = 8  # that are kept at full size on a long way from a key frame to one that is asked for
     block_frames: int = 96  # that are decoded at once where somebody scrubs backwards
     scrub_frames: int = 16  # from one that is asked for to the next, at most, for that to be scrubbing
     ahead_frames: int = 48  # that are decoded before they are asked for
@@ -207,6 +207,13 @@ class Frames(AbstractContextManager["Frames"]):
             self._waiting[index] = future  # the latest comes last
             self._changed.notify_all()
         return future.result()
+
+    def view(self, index: int) -> Image:
+        """A frame (H, W, 3), RGB, as it is kept where that is in full size, else as it was decoded; see `image`."""
+        self.check(index)
+        is_whole = self._reader.info.height <= self._model.kept_height_px
+        data = self._kept.get(index) if is_whole and self._whole.get(index) is None else None
+        return self.image(index) if data is None else from_jpeg(data)
 
     def check(self, index: int) -> None:
         """Raises Refusal where there is no frame of this index."""
