@@ -7,6 +7,7 @@ import numpy as np
 
 from hdn.imaging.arrays import Array
 from hdn.imaging.homography import transform
+from hdn.tracker import PlaneStep
 
 from ..tracks import Track
 from .protocol import Estimate
@@ -21,12 +22,13 @@ class ContradictionModel:
     Attributes:
         frames: in a row, from which a place other than the track's is no slip.
         px: from which corners are others, root of the mean square.
-        leap_px: the like from a frame to the next, beyond what moved.
+        leap_px, leap_deviations: the like from a frame to the next, beyond what moved, and in units of its deviation.
     """
 
     frames: int = 5
     px: float = 5.0
     leap_px: float = 10.0
+    leap_deviations: float = 10.0
 
 
 MODEL = ContradictionModel()
@@ -63,20 +65,20 @@ def leap(track: Track, runs: Sequence[Run]) -> tuple[int, Array] | None:
     Returns:
         The frame beside the leap that is further from the reference frame, by its index, and the corners (4, 2) there.
     """
-    steps: dict[int, list[Array]] = {}  # from each frame to the next
+    known = track.known
+    away: dict[int, float] = {}  # px, by the frame before
     for run in runs:
         for index, estimate in zip(run.frames, run.estimates, strict=True):
-            if (step := getattr(estimate, "step", None)) is not None and index != run.anchor:
-                k = index if run.backward else index - 1
-                steps.setdefault(k, []).append(np.linalg.inv(step.homography) if run.backward else step.homography)
-    known = track.known
-    leaps = {
-        k: min(_distance(transform(h, track.corners[k]), track.corners[k + 1]) for h in homographies)
-        for k, homographies in steps.items()
-        if known[k] and known[k + 1]
-    }
-    k = max(leaps, key=lambda k: leaps[k], default=-1)
-    if k < 0 or leaps[k] < MODEL.leap_px:
+            step: PlaneStep | None = getattr(estimate, "step", None)
+            before = index + 1 if run.backward else index - 1
+            if step is None or index == run.anchor or not known[before] or not known[index]:
+                continue
+            px = _distance(transform(step.homography, track.corners[before]), track.corners[index])
+            is_far = px > MODEL.leap_deviations * np.sqrt(np.trace(step.covariance) / 4)
+            k = min(before, index)
+            away[k] = min(px if is_far else 0.0, away.get(k, np.inf))
+    k = max(away, key=lambda k: away[k], default=-1)
+    if k < 0 or away[k] < MODEL.leap_px:
         return None
     beside = k + 1 if k >= track.reference_frame else k
     return beside, track.corners[beside]
