@@ -5,16 +5,21 @@ Each pair of codec and container that stands here is encoded and decoded by `tes
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from dataclasses import replace as changed
 from fractions import Fraction
 from functools import cache
 from io import BytesIO
 from pathlib import Path
+from typing import cast
 
 import av
 
 from ..errors import InputError
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,7 @@ class Codec:
         transparent_containers: suffixes of the files that hold it with alpha, where these are others.
         profiles: of the encoder, by pixel format.
         options: of the encoder, whatever the pixel format.
+        quality: its option that `--crf` gives.
     """
 
     name: str
@@ -81,6 +87,7 @@ class Codec:
     transparent_containers: tuple[str, ...] = ()
     profiles: Mapping[str, str] = field(default_factory=dict)
     options: Mapping[str, str] = field(default_factory=dict)
+    quality: str = "crf"
 
     def options_for(self, pixel_format: str) -> dict[str, str]:
         """The encoder's options for a pixel format."""
@@ -303,7 +310,7 @@ def _ending(suffixes: Iterable[str]) -> str:
 
 
 def _named(name: str) -> Codec:
-    return _BY_NAME.get(name) or _BY_ENCODER.get(name) or _foreign(name)
+    return _BY_NAME.get(name) or _BY_ENCODER.get(name) or _on_hardware(name) or _foreign(name)
 
 
 def _usual(suffix: str, alpha: bool, depth: int) -> Codec:
@@ -341,6 +348,55 @@ def offered(encoder: str) -> frozenset[str]:
         return frozenset(pixel_format.name for pixel_format in av.Codec(encoder, "w").video_formats or [])
     except ValueError:
         return frozenset()
+
+
+# Encoders of graphics cards and processors: FFmpeg's names begin with the kind and end with the maker's interface.
+_HARDWARE_KINDS = {"h264": "h264", "hevc": "h265", "av1": "av1"}
+_HARDWARE = ("nvenc", "qsv", "videotoolbox", "vaapi", "amf")
+
+
+def _on_hardware(encoder: str) -> Codec | None:
+    """A hardware encoder by FFmpeg's name, or software in its place where it does not work; None for another name."""
+    kind, _, interface = encoder.partition("_")
+    if kind not in _HARDWARE_KINDS or interface not in _HARDWARE:
+        return None
+    software = _BY_NAME[_HARDWARE_KINDS[kind]]
+    if not _works(encoder):
+        _say_in_place_of(encoder, software.encoder)
+        return software
+    if interface != "nvenc":
+        return _foreign(encoder)
+    # A constant quality, as x264's: without these it keeps to a rate of 2 Mbit/s.
+    options = {"rc": "vbr", "b": "0"}
+    return changed(_foreign(encoder), title=f"{software.title} (NVENC)", options=options, quality="cq")
+
+
+@cache
+def _say_in_place_of(encoder: str, software: str) -> None:
+    """Says it once."""
+    log.warning("%s does not work on this machine: %s encodes in its place", encoder, software)
+
+
+@cache
+def _works(encoder: str) -> bool:
+    """Whether an encoder can be opened here, and takes frames in memory."""
+    try:
+        context = cast(av.VideoCodecContext, av.CodecContext.create(encoder, "w"))
+        formats = offered(encoder)
+    except ValueError:  # FFmpeg was built without it
+        return False
+    if "yuv420p" not in formats:
+        return False
+    context.width, context.height, context.pix_fmt = _TRIAL_SIZE[0], _TRIAL_SIZE[1], "yuv420p"
+    context.time_base = Fraction(1, 25)
+    try:
+        context.open()
+    except (av.FFmpegError, OSError):
+        return False
+    return True
+
+
+_TRIAL_SIZE = 640, 360  # px: no encoder finds it too small or too large
 
 
 def _foreign(encoder: str) -> Codec:

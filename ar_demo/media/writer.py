@@ -141,7 +141,9 @@ class VideoWriter:
         except BaseException:
             self.discard()
             raise
-        if crf is not None and "crf" in self._stream.codec_context.options:  # FFmpeg leaves what it did not use
+        if (
+            crf is not None and chosen.quality in self._stream.codec_context.options
+        ):  # FFmpeg leaves what it did not use
             self.discard()
             raise InputError(f"codec {chosen.name} knows no crf: leave --crf out, or choose h264, h265, av1 or vp9")
 
@@ -264,7 +266,7 @@ class VideoWriter:
         told: dict[str, str],
     ) -> VideoStream:
         width, height = self._size
-        options = codec.options_for(pix_fmt) | {"crf": f"{DEFAULT_CRF if crf is None else crf:g}"}
+        options = codec.options_for(pix_fmt) | {codec.quality: f"{DEFAULT_CRF if crf is None else crf:g}"}
         if fast and codec.encoder in ("libx264", "libx265"):
             options["preset"] = "ultrafast"
         for name, value in told.items():

@@ -103,3 +103,34 @@ def test_an_encoder_that_the_table_does_not_have_is_used(tmp_path: Path) -> None
     path = write(tmp_path / "a.mp4", [clips.color_chart(*SIZE)] * 2, codec="mpeg4")
     with av.open(str(path)) as container:
         assert container.streams.video[0].codec_context.name == "mpeg4"
+
+
+@pytest.mark.parametrize(
+    ("name", "encoder"), [("h264_nvenc", "libx264"), ("hevc_vaapi", "libx265"), ("av1_qsv", "libsvtav1")]
+)
+def test_where_a_hardware_encoder_does_not_work_software_takes_its_place(
+    name: str, encoder: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(codecs, "_works", lambda name: False)
+    codecs._say_in_place_of.cache_clear()
+    for _ in range(2):
+        assert codecs.choose(Path("out.mp4"), name).encoder == encoder
+    assert [r.message for r in caplog.records] == [
+        f"{name} does not work on this machine: {encoder} encodes in its place"
+    ]
+
+
+def test_a_hardware_encoder_that_works_is_taken_with_its_own_option_for_quality(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    if "h264_nvenc" not in av.codecs_available:
+        pytest.skip("this FFmpeg knows no NVENC")
+    monkeypatch.setattr(codecs, "_works", lambda name: True)
+    chosen = codecs.choose(Path("out.mp4"), "h264_nvenc")
+    assert (chosen.encoder, chosen.quality, chosen.options["rc"]) == ("h264_nvenc", "cq", "vbr")
+
+
+def test_an_encoder_is_tried_before_it_is_believed() -> None:
+    assert codecs._works("libx264")
+    assert not codecs._works("h264_qsv")  # it takes other frames than ours
+    assert not codecs._works("h264_nothing")
