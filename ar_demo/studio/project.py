@@ -250,10 +250,10 @@ class Project:
     # ---- the job file ----
 
     def _from_job(self) -> State:
-        def ad(name: str) -> str | None:
+        def file(name: str) -> str | None:
             path = self.folder / name
-            if not path.is_file():
-                log.warning("%s names an ad that is not there: %s", self.job_file, path)
+            if not path.exists():
+                log.warning("%s names a file that is not there: %s", self.job_file, path)
                 return None
             return self.files.admit(path)
 
@@ -266,7 +266,7 @@ class Project:
             return self._keep(kept), kept.track
 
         times = self.session.reader.times
-        state = state_of(self._entry, times, ad, track, self._defaults.surface)
+        state = state_of(self._entry, times, file, track, self._defaults.surface)
         return msgspec.structs.replace(state, tracking=self._with_defaults(state.tracking))
 
     def _with_defaults(self, tracking: TrackingState) -> TrackingState:
@@ -308,8 +308,10 @@ class Project:
             track, keyframes = None, surface.given
         else:
             track, keyframes = relative(kept.file, self.folder), self._new_keyframes(surface, kept)
-        ad = None if surface.ad is None else relative(self.files.path(surface.ad), self.folder)
-        entry = surface_entry(surface, ad, track, keyframes, self._defaults.surface(surface.effect))
+        ad, find = (
+            None if id is None else relative(self.files.path(id), self.folder) for id in (surface.ad, surface.find)
+        )
+        entry = surface_entry(surface, ad, find, track, keyframes, self._defaults.surface(surface.effect))
         if track is not None and kept is not None and kept.first_frame is not None:
             entry.first_frame = kept.first_frame
         return entry

@@ -79,9 +79,10 @@ class Place(Struct, frozen=True):
 
 
 class SurfaceState(Struct):
-    """A surface as the page has it. ad: a file's id."""
+    """A surface as the page has it. ad, find: a file's id; the latter is kept for whoever renders the job."""
 
     ad: str | None = None
+    find: str | None = None
     quad: Corners | None = None
     start: Number = 0
     snap: bool = False
@@ -214,7 +215,7 @@ class Change(State):
 def state_of(
     entry: JobEntry,
     times: Sequence[Fraction],
-    ad: Callable[[str], str | None],
+    file: Callable[[str], str | None],
     track: Callable[[SurfaceEntry], tuple[str, Track] | None],
     defaults: Callable[[str], Mapping[str, Any]],
 ) -> State:
@@ -222,7 +223,7 @@ def state_of(
 
     Args:
         times: of the video's frames, seconds.
-        ad: the id of an ad that the file names; None where there is no such file.
+        file: the id of a picture or video that the file names; None where there is no such file.
         track: the id and the track of a surface; None where it has none.
         defaults: of a surface, by its effect.
 
@@ -242,7 +243,10 @@ def state_of(
             continue
         effect = "replace" if said.effect is UNSET else said.effect
         look = dict(defaults(effect)) | {n: v for n in LOOK if (v := getattr(said, n)) is not UNSET}
-        state = SurfaceState(ad=ad(said.ad) if isinstance(said.ad, str) else None, **look)
+        named: dict[str, Any] = {
+            name: file(value) for name in ("ad", "find") if isinstance(value := getattr(said, name), str)
+        }
+        state = SurfaceState(**named, **look)
         marked = {} if said.keyframes is UNSET else {frame(k.frame): parse_quad(k.corners) for k in said.keyframes}
         found = track(said)
         if found is not None:
@@ -267,6 +271,7 @@ def state_of(
 def surface_entry(
     state: SurfaceState,
     ad: str | None,
+    find: str | None,
     track: str | None,
     keyframes: Mapping[int, Array],
     defaults: Mapping[str, Any],
@@ -274,7 +279,7 @@ def surface_entry(
     """What a job file says of a surface.
 
     Args:
-        ad, track: files, as the job file names them.
+        ad, find, track: files, as the job file names them.
         keyframes: those that the track was not made with.
         defaults: what this person has set for whatever is said nowhere, which the file must not depend on.
     """
@@ -283,6 +288,8 @@ def surface_entry(
         entry.ad = ad
     if track is not None:
         entry.track = track
+    elif state.quad is None and find is not None:
+        entry.find = find
     else:
         if state.quad is not None:
             entry.quad = list(state.quad)

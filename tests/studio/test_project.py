@@ -125,6 +125,20 @@ def test_what_the_page_does_not_know_stays_in_the_job_file(folder: Path) -> None
     workspace.close()
 
 
+def test_a_picture_that_a_surface_is_found_by_stays_until_it_has_corners(folder: Path) -> None:
+    said = {"version": 1, "input": "street.mp4", "surfaces": [{"ad": "ad.png", "find": "ad.png"}]}
+    (folder / "street.job.json").write_text(json.dumps(said))
+    workspace = Workspace(folder, folder, Defaults())
+    project = workspace.open(folder / "street.mp4")
+    for number, (change, expected) in enumerate((({"opacity": 0.5}, {"find"}), ({"quad": QUAD}, {"quad"}))):
+        content = project.content
+        content["surfaces"][0] |= change
+        project.change(msgspec.convert({"revision": number} | {"surfaces": content["surfaces"]}, Change))
+        [entry] = json.loads((folder / "street.job.json").read_text())["surfaces"]
+        assert entry.keys() == {"ad", "opacity"} | expected
+    workspace.close()
+
+
 def test_an_older_state_does_not_replace_a_newer_one(studio: Studio) -> None:
     first, second = studio.content, studio.content
     first["surfaces"][0]["opacity"] = 0.25
