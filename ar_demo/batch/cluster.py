@@ -24,6 +24,7 @@ from hdn.commandline import BAD_INPUT
 
 from ..errors import InputError, RunError
 from .process import Outcome
+from .running import Gone
 from .staging import Place
 from .task import Task, execute
 
@@ -113,9 +114,9 @@ class ClusterPool(AbstractContextManager["ClusterPool"]):
         while self._client.status == "closed" and not self._closing:
             try:
                 self._client = self._connect()
-            except RunError:
+            except RunError as error:
                 if time.monotonic() > until:
-                    raise
+                    raise Gone(f"{error}; the same command goes on with what is left") from error
                 time.sleep(MODEL.pause_seconds)
         sent.handle = self._client.submit(
             work,

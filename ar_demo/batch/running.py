@@ -75,6 +75,10 @@ class Done:
         return self.is_good or self.ending == "doubtful"
 
 
+class Gone(RunError):
+    """A pool cannot be reached any more: the batch ends, and can go on another time."""
+
+
 class Pool(Protocol):
     """Where tasks are done."""
 
@@ -83,7 +87,7 @@ class Pool(Protocol):
         """How many tasks it can have at a time without one waiting for long."""
 
     def submit(self, task: Task) -> "Future[Outcome]":
-        """Takes a task. A future that is cancelled, or has another error than ours, means that its worker was lost."""
+        """Takes a task. A future that has an error means that its worker was lost, or, by `Gone`, all of them."""
 
 
 @dataclass
@@ -111,7 +115,7 @@ class Batch:
         """Does all that are not done; how each ended, in the order of the manifest.
 
         Raises:
-            RunError: the state cannot be written.
+            RunError: the state cannot be written; `Gone`.
         """
         ready, self._total = deque(jobs), len(jobs)
         while ready or self._running:
@@ -273,8 +277,14 @@ def _least(*limits: Any) -> Any:
 
 
 def _outcome(future: "Future[Outcome]") -> Outcome:
-    """What came of a task; a worker that was lost counts as a failure while working."""
+    """What came of a task; a worker that was lost counts as a failure while working.
+
+    Raises:
+        Gone: all of them were.
+    """
     try:
         return future.result()
+    except Gone:
+        raise
     except (CancelledError, Exception) as error:
         return Outcome(FAILED, message=f"its worker was lost ({str(error) or type(error).__name__})")

@@ -12,6 +12,10 @@ from typing import Any
 
 import pytest
 
+from ar_demo.batch.cluster import ClusterModel, work
+from ar_demo.batch.staging import Place
+from ar_demo.batch.task import Task
+
 from ..conftest import Run
 from .conftest import Write
 from .processes import children_of_the_batch, fork_batch, wait_until
@@ -154,7 +158,7 @@ def test_a_full_disk_fails_one_job_and_loses_none(
 
 
 def test_a_worker_that_is_killed_and_a_scheduler_that_comes_back_lose_nothing(
-    run: Run, write: Write, tmp_path: Path
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Both in one batch, since it takes a while to start them."""
     folder = tmp_path / "own"
@@ -170,7 +174,7 @@ def test_a_worker_that_is_killed_and_a_scheduler_that_comes_back_lose_nothing(
         wait_until(lambda: (tmp_path / "out" / "5.mp4").exists() and bool(children_now(folder)))
         cluster.scheduler.kill()
         cluster.scheduler.wait()
-        cluster.start_scheduler()
+        cluster.scheduler = cluster.start_scheduler()
         cluster.start_worker("--name", "third")
         assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
         assert endings(tmp_path) == ["done"] * JOBS
@@ -182,12 +186,20 @@ def test_a_worker_that_is_killed_and_a_scheduler_that_comes_back_lose_nothing(
         ]
         assert sum(attempts) == JOBS  # what its machines do is not a job's failure
         assert not children_of_the_batch(folder)
+
+        # One that stays away ends the batch.
+        monkeypatch.setattr("ar_demo.batch.cluster.MODEL", ClusterModel(connect_seconds=2, gone_seconds=1))
+        pid = fork_batch(write({"codec": "sleep:60", "output": "out/last.mp4"}), "--scheduler", cluster.address)
+        wait_until(lambda: bool(children_now(folder)))
+        cluster.scheduler.kill()
+        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 1
+        assert not (tmp_path / "out" / "last.mp4").exists()
     finally:
         cluster.close()
 
 
 def test_a_scheduler_that_is_not_there_is_named(run: Run, write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ar_demo.batch.cluster.MODEL", type("M", (), {"connect_seconds": 0.2})())
+    monkeypatch.setattr("ar_demo.batch.cluster.MODEL", ClusterModel(connect_seconds=0.2))
     status, _, err = run(write({}), "--scheduler", "tcp://127.0.0.1:9", "--quiet")
     assert status == 1
     assert "cannot reach the scheduler tcp://127.0.0.1:9" in err
@@ -205,6 +217,12 @@ def test_what_makes_no_sense_is_refused(run: Run, write: Write, options: list[st
     status, _, err = run(write({}), *options, "--quiet")
     assert status == 2
     assert message in err
+
+
+def test_a_worker_of_another_version_is_named() -> None:
+    outcome = work(Task({}, ("o.mp4",)), Place(None, 1), "0.0.0")
+    assert outcome.is_wrong_input
+    assert "and the batch 0.0.0: install the same" in outcome.message
 
 
 def children_now(folder: Path) -> str:
