@@ -54,6 +54,7 @@ def test_a_shot_from_the_first_picture_to_the_file(visit, folder, tmp_path):
     person.wait_for("Keyframes")
     person.until(lambda: [*_track(folder).keyframes] == [20], 60)
     page.get_by_role("button", name="Next: look at it").wait_for()
+    person.wait_for_frame(20)
 
     # Before on the left, after on the right; with options as they are chosen.
     before = person.colour_at(*truth[20].mean(0))

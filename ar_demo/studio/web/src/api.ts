@@ -17,10 +17,10 @@ export class ApiError extends Error {
   }
 }
 
-/** The server's errors are clauses. */
+/** The server's errors are clauses; names of files that they begin with stay as they are. */
 export function sentence(text: string): string {
-  const trimmed = text.trim().replace(/\.$/, "");
-  return `${trimmed.slice(0, 1).toUpperCase()}${trimmed.slice(1)}.`;
+  const clause = text.trim().replace(/\.$/, "");
+  return /^[a-z]+[\s,:']/.test(clause) ? `${clause[0].toUpperCase()}${clause.slice(1)}.` : `${clause}.`;
 }
 
 const UNREACHABLE = "The server does not answer: start ar-studio again, then reload this page.";

@@ -36,6 +36,23 @@ export function range(
   </div>`;
 }
 
+/** A field to type into. What is being typed stays when the page is drawn again, so the value is set when it changes,
+ * and when something was typed.
+ * @param change takes what was typed; what it returns, or else what was there, is shown. */
+export function typed(
+  attributes: { id?: string; label?: string; kind?: "number" | "text"; min?: number; max?: number; step?: string; placeholder?: string },
+  value: string,
+  change: (text: string) => string | void,
+): TemplateResult {
+  const { id, label, kind = "number", min, max, step, placeholder } = attributes;
+  return html`<input id=${id ?? nothing} aria-label=${label ?? nothing} type=${kind} min=${min ?? nothing} max=${max ?? nothing}
+    step=${step ?? nothing} placeholder=${placeholder ?? nothing} spellcheck="false" .value=${value}
+    @change=${(event: Event) => {
+      const input = event.target as HTMLInputElement;
+      input.value = change(input.value) ?? value;
+    }} />`;
+}
+
 export function toggle(label: string, value: boolean, change: (value: boolean) => void, hint = ""): TemplateResult {
   return html`<div class="toggle">
     <label>
@@ -45,6 +62,15 @@ export function toggle(label: string, value: boolean, change: (value: boolean) =
     </label>
     ${hint ? html`<p class="hint">${hint}</p>` : nothing}
   </div>`;
+}
+
+/** What the server has to say beside, folded away. */
+export function notes(title: string, texts: string[]): TemplateResult | typeof nothing {
+  if (!texts.length) return nothing;
+  return html`<details>
+    <summary>${title}</summary>
+    <ul class="notes">${texts.map((text) => html`<li>${text}</li>`)}</ul>
+  </details>`;
 }
 
 export const failure = (text: string | undefined) => (text ? html`<p class="failure" role="alert">${text}</p>` : nothing);

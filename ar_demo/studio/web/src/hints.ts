@@ -51,7 +51,7 @@ function ofTrack(studio: Studio): Hint {
   if (studio.view !== "frame") return { text: viewHint(studio) };
   if (frame === surface.start) return { text: "Here the surface was marked. Play, or click the time line, to check the others." };
   const keyframe = surface.keyframes.find((k) => k.frame === frame);
-  if (keyframe) return { text: `A keyframe: these corners were given by hand.${beside(keyframe.corners, track.corners[frame])}` };
+  if (keyframe) return { text: `A keyframe: these corners were given by hand.${surface.track?.stale ? "" : beside(keyframe.corners, track.corners[frame])}` };
   if (!studio.handles)
     return { text: "The surface is lost in this frame.", actions: [["Mark it here", () => studio.keyframeHere()]] };
   return { text: "Is the outline off here? Drag its corners: that makes a keyframe." };

@@ -1,9 +1,8 @@
 /** The page: opens a project, and draws it whenever its state changes. */
 
 import { html, nothing, render } from "lit-html";
-import { live } from "lit-html/directives/live.js";
 import * as api from "./api";
-import { failure } from "./controls";
+import { failure, typed } from "./controls";
 import { chooseFile, help } from "./dialogs";
 import { hint } from "./hints";
 import { icons } from "./icons";
@@ -127,8 +126,10 @@ function edit(project: Project): void {
       </div>
       <p class="where">
         <label for="frame">Frame</label>
-        <input id="frame" type="number" min="0" max=${video.frames - 1} .value=${live(`${frame}`)}
-          @change=${(e: Event) => seek((e.target as HTMLInputElement).valueAsNumber || 0)} />
+        ${typed({ id: "frame", min: 0, max: video.frames - 1 }, `${frame}`, (text) => {
+          seek(parseInt(text, 10) || 0);
+          return `${studio.frame}`;
+        })}
         <span>of ${video.frames - 1}</span><span class="clock">${clock(video.times[frame] ?? 0)}</span>
         ${Math.abs(player.speed) > 1 || player.speed < 0 ? html`<span>${player.speed}×</span>` : nothing}
       </p>

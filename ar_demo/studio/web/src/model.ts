@@ -91,6 +91,8 @@ export interface Video {
   rate: number;
   /** Seconds of each frame from the first. */
   times: number[];
+  /** What is wrong with the file. */
+  warnings: string[];
 }
 
 export interface Task {

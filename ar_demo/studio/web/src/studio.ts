@@ -484,10 +484,12 @@ export class Studio {
     }
   }
 
-  nameOutput(name: string): void {
+  /** @returns the name that it gets. */
+  nameOutput(name: string): string {
     this.outputName = name.trim() || null;
     this.mayOverwrite = false;
     this.clear("finish");
+    return this.outputName ?? this.project.output;
   }
 
   async render(name: string, overwrite = false): Promise<void> {

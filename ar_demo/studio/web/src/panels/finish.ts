@@ -1,9 +1,8 @@
 /** Step 4: the file, and what makes it elsewhere. */
 
 import { html, nothing } from "lit-html";
-import { live } from "lit-html/directives/live.js";
 import { outputAddress } from "../api";
-import { type Choice, failure, select } from "../controls";
+import { type Choice, failure, notes, select, typed } from "../controls";
 import { icons } from "../icons";
 import type { Rendering } from "../model";
 import type { Studio } from "../studio";
@@ -37,7 +36,8 @@ export function finish(studio: Studio) {
             ${studio.outputs.map((o) => html`<li><span class="grow">${o.name} <small>${bytes(o.bytes)}</small></span>
               <a class="button" href=${outputAddress(o.id)} download=${o.name}>${icons.save} Download</a></li>`)}
           </ul>
-          <p class="hint">It lies beside the video as well.</p>
+          <p class="hint">${studio.outputs.length > 1 ? "They lie" : "It lies"} beside the video as well.</p>
+          ${notes("Notes on it", task?.kind === "render" && task.state === "done" ? task.warnings : [])}
         </div>`
       : nothing}
     <div class="card">
@@ -46,14 +46,15 @@ export function finish(studio: Studio) {
         ? progress(task!, () => void studio.stop())
         : html`
             <div class="field"><label for="output-name">File name</label>
-              <input id="output-name" type="text" spellcheck="false" .value=${live(name)}
-                @change=${(e: Event) => studio.nameOutput((e.target as HTMLInputElement).value)} /></div>
+              ${typed({ id: "output-name", kind: "text" }, name, (text) => studio.nameOutput(text))}</div>
             ${select("Sound", rendering.audio, list("audio"), (v) => set((r) => (r.audio = v)))}
             <details><summary>Codec and quality</summary>
               ${choices.codec ? select("Codec", rendering.codec ?? "", list("codec", "The usual one"), (v) => set((r) => (r.codec = v || null))) : nothing}
               <div class="field"><label for="crf">Quality (CRF; lower is better)</label>
-                <input id="crf" type="number" min="0" max="63" placeholder="usual" .value=${live(rendering.crf === null ? "" : `${rendering.crf}`)}
-                  @change=${(e: Event) => set((r) => (r.crf = (e.target as HTMLInputElement).value === "" ? null : (e.target as HTMLInputElement).valueAsNumber))} /></div>
+                ${typed({ id: "crf", min: 0, max: 63, placeholder: "usual" }, `${rendering.crf ?? ""}`, (text) => {
+                  set((r) => (r.crf = text === "" ? null : parseFloat(text)));
+                  return text;
+                })}</div>
               ${select("Bits", `${rendering.depth}`, list("depth"), (v) => set((r) => (r.depth = v)))}
             </details>
             ${failure(studio.errors.save)} ${failure(studio.errors.finish)}

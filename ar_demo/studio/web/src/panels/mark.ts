@@ -1,8 +1,7 @@
 /** Step 1: where the surface is, and what of it is tracked. */
 
 import { html, nothing } from "lit-html";
-import { live } from "lit-html/directives/live.js";
-import { failure, toggle } from "../controls";
+import { failure, notes, toggle, typed } from "../controls";
 import { CORNER_NAMES } from "../geometry";
 import { icons } from "../icons";
 import type { Point, Surface } from "../model";
@@ -23,7 +22,7 @@ export function mark(studio: Studio, chooseAd: () => void) {
       : nothing}
     ${failure(studio.errors.ad)}
     <div class="card">${surface.quad ? marked(studio, surface) : unmarked(studio)}</div>
-    ${surface.quad ? regions(studio, surface) : nothing}
+    ${surface.quad ? regions(studio, surface) : nothing} ${notes("Notes on the video", studio.video.warnings)}
     <div class="foot">
       ${failure(studio.errors.track)}
       <button class="primary wide" type="button" ?disabled=${!ready || studio.isBusy} @click=${() => void studio.track()}>
@@ -58,17 +57,18 @@ function unmarked(studio: Studio) {
 
 function marked(studio: Studio, surface: Surface) {
   const here = studio.frame === surface.start;
-  const place = (i: number, axis: 0 | 1, value: number) => {
+  const place = (i: number, axis: 0 | 1, text: string) => {
+    const value = parseFloat(text);
     if (!Number.isFinite(value)) return;
     studio.editSurface(`type-${i}-${axis}`, (s) => {
       const corner: Point = [...s.quad![i]];
       corner[axis] = value;
       s.quad![i] = corner;
     });
+    return value.toFixed(1);
   };
-  const number = (i: number, axis: 0 | 1) => html`<input type="number" step="0.1"
-    aria-label="${CORNER_NAMES[i]}, ${"xy"[axis]}" .value=${live(surface.quad![i][axis].toFixed(1))}
-    @change=${(e: Event) => place(i, axis, (e.target as HTMLInputElement).valueAsNumber)} />`;
+  const number = (i: number, axis: 0 | 1) =>
+    typed({ label: `${CORNER_NAMES[i]}, ${"xy"[axis]}`, step: "0.1" }, surface.quad![i][axis].toFixed(1), (text) => place(i, axis, text));
   return html`<h2>Marked in frame ${surface.start}</h2>
     ${here
       ? html`<p>Drag the corners, or press arrow keys on one. The ad shows which way up it will be.</p>`

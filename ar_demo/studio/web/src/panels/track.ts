@@ -1,7 +1,7 @@
 /** Step 2: through the whole video, and where a hand has to help. */
 
 import { html, nothing } from "lit-html";
-import { failure, range, toggle } from "../controls";
+import { failure, notes, range, toggle } from "../controls";
 import { icons } from "../icons";
 import type { Surface, Task, Track } from "../model";
 import type { Studio } from "../studio";
@@ -70,10 +70,7 @@ function summary(studio: Studio, surface: Surface, track: Track) {
               ${b.first === b.last ? b.first : `${b.first}–${b.last}`} <span>${b.why}</span></button></li>`)}
           </ul>`
       : nothing}
-    ${track.warnings.length
-      ? html`<details><summary>${counted(track.warnings.length, "note")} of the tracker</summary>
-          <ul class="notes">${track.warnings.map((w) => html`<li>${w}</li>`)}</ul></details>`
-      : nothing}`;
+    ${notes(`${counted(track.warnings.length, "note")} of the tracker`, track.warnings)}`;
 }
 
 function keyframes(studio: Studio, surface: Surface) {
