@@ -23,7 +23,7 @@ from hdn.benchmark.report import TRACKED_WRONGLY, Result, by_tracker, markdown, 
 from hdn.benchmark.sequences import Sequence as Clips
 from hdn.benchmark.synthplanar.cli import SETTINGS, VERSION, generate, made
 from hdn.benchmark.synthplanar.pictures import Pictures
-from hdn.benchmark.synthplanar.scenes import CHALLENGES, INTERRUPTED
+from hdn.benchmark.synthplanar.scenes import APPEARANCE, CHALLENGES, INTERRUPTED
 from hdn.benchmark.trackers import weights_of
 from hdn.commandline import DONE, Parser, run
 
@@ -36,6 +36,7 @@ from .tracking import CLIP_TRACKERS
 ALL = ("ar-track", "hdn", "hdn-raw", "hdn-similarity", "hdn-residual", "sift", "orb", "ecc", "flow")
 COMPARED = ("ar-track", "hdn", "sift", "orb", "ecc", "flow")
 SEED, FRAMES = 0, 60  # of SynthPlanar's clips; of those whose view is interrupted for long, there are twice as many
+FINAL_SEED = 2027  # of the clips that are made to judge composites, and are never looked at while these are worked on
 CLIP_FRAMES = 60  # of a real clip, at most
 WORKERS = 2  # processes at once, where no times are told
 SHEET_ROWS, SHEET_WIDTH = 4, 800  # of the pictures in the report
@@ -53,6 +54,12 @@ INTERRUPTIONS = """\
 The view is interrupted. `wall`: hands reach over a target on a wall in its plane; `hands`: the same before a street;
 `board`: people and posts pass before a target on a board in its plane; `absence`: the target is out of view for a third
 of the clip; `hidden`: it is wholly behind somebody for as long. Frames in which nothing of it is seen do not count.
+"""
+
+APPEARANCE_TEXT = """\
+What a composite has to take on, beside where it lies: shadows and glare on the surface in the first frame already,
+moving or still, a lens that goes out of focus or is soft throughout, grain, fingers and hair before a poster of their
+colours, a screen. Their seed is used for this table alone.
 """
 
 COMPOSITES = """\
@@ -91,17 +98,25 @@ def _command(arguments: Sequence[str] | None) -> int:
     text += _tracking(interrupted, COMPARED, options.out, pictures)
     if options.clips is not None:
         text += _real(options.clips, options.clip_frames, options.out, pictures)
-    text += [*_compositing(made_clips, options.out, pictures), PUBLISHED]
+    text += [
+        "## Composites: SynthPlanar",
+        "",
+        COMPOSITES,
+        *_compositing(made_clips, options.out, pictures, "composites"),
+    ]
+    judged = _make_clips(options.out / "SynthPlanar-appearance", APPEARANCE, options.frames, FINAL_SEED)
+    text += ["## Composites: what has to pass for real", "", APPEARANCE_TEXT]
+    text += [*_compositing(judged, options.out, pictures, "appearance"), PUBLISHED]
     options.report.write_text("\n".join(text), encoding="utf-8")
     print(f"Written to {options.report}")
     return DONE
 
 
-def _make_clips(folder: Path, attributes: Iterable[str], frames: int) -> Path:
+def _make_clips(folder: Path, attributes: Iterable[str], frames: int, seed: int = SEED) -> Path:
     setting, pictures = SETTINGS["quick"], Pictures(None)
     for attribute in attributes:
-        if not made(folder, attribute, 0, setting, frames, SEED):
-            generate(folder, attribute, 0, setting, frames, SEED, pictures)
+        if not made(folder, attribute, 0, setting, frames, seed):
+            generate(folder, attribute, 0, setting, frames, seed, pictures)
     return folder
 
 
@@ -172,22 +187,19 @@ def _by_kind(kinds: dict[str, list[Result]], figure: Callable[[list[Measures]], 
     }
 
 
-def _compositing(folder: Path, out: Path, pictures: Path) -> list[str]:
+def _compositing(folder: Path, out: Path, pictures: Path, name: str) -> list[str]:
     scores = evaluate_all(read_scenes(folder), out / "composites")
     tables = write(scores, out / "composites")
     ranked = sorted(scores, key=lambda s: float(s.mean[0, 0]))
     shown = sheet(ranked[:: -(-len(ranked) // SHEET_ROWS)], out / "composites", "median")
     size = (SHEET_WIDTH, round(shown.shape[0] * SHEET_WIDTH / shown.shape[1]))
     small = cv2.cvtColor(cv2.resize(shown, size, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2BGR)
-    cv2.imwrite(str(pictures / "composites.jpg"), small, [cv2.IMWRITE_JPEG_QUALITY, 75])
+    cv2.imwrite(str(pictures / f"{name}.jpg"), small, [cv2.IMWRITE_JPEG_QUALITY, 75])
     return [
-        "## Composites: SynthPlanar",
-        "",
-        COMPOSITES,
         tables,
         "Median frames of some clips, from the worst clip to the best; poster, true ad, ours, plain warp:",
         "",
-        f"![Composites]({pictures.name}/composites.jpg)",
+        f"![Composites]({pictures.name}/{name}.jpg)",
         "",
     ]
 

@@ -185,7 +185,7 @@ def test_the_report_says_everything(
     assert stop.value.code == 0, capsys.readouterr().err
     text = written.read_text(encoding="utf-8")
     titles = ("SynthPlanar", "SynthPlanar, interrupted views", "real clips")
-    others = ("Composites: SynthPlanar", "Published figures, for orientation")
+    others = ("Composites: SynthPlanar", "Composites: what has to pass for real", "Published figures, for orientation")
     for line in (*(f"Tracking: {title}" for title in titles), *others):
         assert f"\n## {line}\n" in text
     assert "dark: at night" in text
@@ -197,6 +197,6 @@ def test_the_report_says_everything(
         assert table[0] == "| tracker | clean | dark | all |"
         assert [line.split(" | ")[0] for line in table[2:]] == ["| ar-track", "| flow"]
     shown = [part.split(")")[0] for part in text.split("](")[1:]]
-    assert len(shown) == 6
+    assert len(shown) == 7
     for name in shown:
         assert 0 < (tmp_path / name).stat().st_size < 100_000
