@@ -14,6 +14,7 @@ from ..errors import InputError
 
 MISSING = "a batch takes packages that are not installed: install them with pip install 'ar-replace[batch]'"
 LOCAL = "local"  # in the place of a scheduler's address
+RETRIES = 1  # of a job that failed while working, where nothing is said
 CACHE_BYTES = 20 * 10**9  # that addresses' files may have together, where nothing is said
 PACKAGES = ("aiohttp", "distributed", "fsspec", "psutil", "pydantic", "ruamel")
 
@@ -33,7 +34,7 @@ def _batch(given: Namespace) -> int:
     from .jobs import expand
     from .local import LocalPool, usual_workers
     from .manifest import load
-    from .running import Batch, Pool, Settings
+    from .running import Batch, Ceilings, Pool
     from .staging import Place
     from .state import State
     from .summary import as_json, table, write
@@ -53,12 +54,13 @@ def _batch(given: Namespace) -> int:
             bounds.check(job)
         except InputError as error:
             raise document.wrong(job.keys, str(error)) from error
+    names = ("time_limit", "memory_limit", "max_frames", "max_pixels")
+    ceilings = Ceilings(**{name: getattr(given, name) for name in names if name in given})
+    jobs = [ceilings.bounded(job) for job in jobs]
     if "dry_run" in given:
         for job in jobs:
             print(shlex.join(["ar-replace", *job.arguments]))
         return DONE
-    names = ("retries", "time_limit", "memory_limit", "max_frames", "max_pixels")
-    settings = Settings(**{name: getattr(given, name) for name in names if name in given})
     folder: Path = (given.state if "state" in given else given.manifest.with_suffix(".batch")).absolute()
     place = Place(getattr(given, "cache", None), getattr(given, "cache_size", CACHE_BYTES))
     with State(folder) as state, ExitStack() as held:
@@ -71,7 +73,7 @@ def _batch(given: Namespace) -> int:
 
             resources = parse_resources(getattr(given, "resources", ""))
             pool = held.enter_context(ClusterPool(given.scheduler, resources, replace(place, makes_aside=True)))
-        batch = Batch(state, pool, settings)
+        batch = Batch(state, pool, getattr(given, "retries", RETRIES))
         try:
             batch.run(jobs)
         finally:

@@ -28,6 +28,10 @@ OF_A_TRACK = tuple(name for name in TRACKING if name not in ("time", "fps"))
 WITHOUT_TRACK = ("surface", "job", "track", "end", "find")
 
 
+# What changes nothing of an output that there is.
+WITHOUT_EFFECT = ("overwrite", "max_frames", "max_pixels")
+
+
 def identity(job: Job, state: State) -> str:
     """Of a job: 32 hexadecimal digits, which change with whatever can change its outputs."""
     return _digest({"job": _contents(job.values, state), "outputs": job.outputs})
@@ -77,7 +81,9 @@ def _defaults() -> str:
 
 def _contents(values: Mapping[str, Any], state: State) -> dict[str, Any]:
     """Options where names of files that are read stand for what is in them."""
-    said = {name: value for name, value in values.items() if not options()[name].is_output and name != "overwrite"}
+    said = {
+        name: value for name, value in values.items() if not options()[name].is_output and name not in WITHOUT_EFFECT
+    }
     for name, value in said.items():
         said[name] = options()[name].renamed(value, lambda file: _content(file, state))
     if "job" in values:

@@ -31,20 +31,28 @@ ENDINGS: tuple[Ending, ...] = ("failed", "wrong", "doubtful", "done", "kept")  #
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What holds for all jobs of a batch.
+class Ceilings:
+    """What holds for all jobs of a batch, whatever the manifest says; None for none.
 
     Attributes:
-        retries: how often a job is tried again that failed while working, where the manifest does not say.
-        time_limit, memory_limit: seconds and bytes that a job may take at most, whatever the manifest says.
-        max_frames, max_pixels: that its videos and ads may have at most, whatever it says.
+        time_limit, memory_limit: seconds and bytes that a job may take at most.
+        max_frames, max_pixels: that its videos and ads may have at most.
     """
 
-    retries: int = 1
     time_limit: float | None = None
     memory_limit: int | None = None
     max_frames: int | None = None
     max_pixels: int | None = None
+
+    def bounded(self, job: Job) -> Job:
+        """The job with the limits that it may have."""
+        most = {name: _least(job.values.get(name), getattr(self, name)) for name in ("max_frames", "max_pixels")}
+        return replace(
+            job,
+            values=dict(job.values) | {name: value for name, value in most.items() if value is not None},
+            time_limit=_least(job.time_limit, self.time_limit),
+            memory_limit=_least(job.memory_limit, self.memory_limit),
+        )
 
 
 @dataclass(frozen=True)
@@ -103,8 +111,9 @@ class _Begun:
 class Batch:
     """Does jobs in a pool, each once."""
 
-    def __init__(self, state: State, pool: Pool, settings: Settings) -> None:
-        self._state, self._pool, self._settings = state, pool, settings
+    def __init__(self, state: State, pool: Pool, retries: int) -> None:
+        """Args: retries: how often a job is tried again that failed while working, where it does not say."""
+        self._state, self._pool, self._retries = state, pool, retries
         self._running: dict[Future[Outcome], _Begun] = {}
         self._making: set[str] = set()  # tracks that are being made
         self._parked: dict[str, list[Job]] = defaultdict(list)  # jobs that wait for one
@@ -170,20 +179,16 @@ class Batch:
                 raise InputError(f"{path} exists already and is not of this batch: move it away, or say overwrite")
 
     def _submit(self, begun: _Begun) -> None:
-        job, settings = begun.job, self._settings
+        job = begun.job
         values = dict(job.values) | {"overwrite": True}
-        for name in ("max_frames", "max_pixels"):
-            if (most := _least(values.get(name), getattr(settings, name))) is not None:
-                values[name] = most
         file = None if begun.track is None else self._track(begun.track)
         if file is not None:
             values.pop("save_track", None)
             if file.exists():
                 values = {name: value for name, value in values.items() if name not in OF_A_TRACK}
             values["track" if file.exists() else "save_track"] = str(file)
-        limits = _least(job.time_limit, settings.time_limit), _least(job.memory_limit, settings.memory_limit)
         begun.arguments = command(values)
-        task = Task(values, tuple(job.outputs.values()), begun.attempt, *limits, file)
+        task = Task(values, tuple(job.outputs.values()), begun.attempt, job.time_limit, job.memory_limit, file)
         self._running[self._pool.submit(task)] = begun
 
     def _take(self, begun: _Begun, outcome: Outcome) -> None:
@@ -192,7 +197,7 @@ class Batch:
         job = begun.job
         if begun.track is not None and outcome.track is not None:
             write_whole(self._track(begun.track), outcome.track)
-        retries = self._settings.retries if job.retries is None else job.retries
+        retries = self._retries if job.retries is None else job.retries
         if outcome.may_be_tried_again and begun.attempt <= retries:
             log.info("%s: %s: trying again", job.name, outcome.message)
             begun.attempt += 1

@@ -117,6 +117,10 @@ def test_limits_of_frames_and_pixels_hold_whatever_a_job_says(run: Run, write: W
     results = [json.loads((tmp_path / "out" / f"{n}.mp4.json").read_text()) for n in (1, 2, 3)]
     told = [[word for word in result["command"] if word.startswith("--max")] for result in results]
     assert told == [[f"--max-frames={n}", "--max-pixels=9000"] for n in (10, 500, 500)]
+    status, out, _ = run(write(*jobs), "--max-frames", 600, "--dry-run")
+    assert (status, [line.count("--max-frames=600") for line in out.splitlines()]) == (0, [0, 1, 1])
+    _, out, _ = run(write(*jobs), "--max-frames", 600, "--quiet", "--json")
+    assert {job["ended"] for job in json.loads(out)["jobs"]} == {"kept"}
 
 
 @pytest.mark.parametrize(
