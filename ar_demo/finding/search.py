@@ -51,7 +51,7 @@ class Found:
     """Where and when a video shows pictures.
 
     Attributes:
-        video: as it was given.
+        video: as it was given; size: width and height of its frames, px.
         pictures: that were looked for.
         instances: of each picture its copies; none where it was not found.
         nearest: of each picture the best of what was taken for something else; None where nothing was like it.
@@ -59,6 +59,7 @@ class Found:
     """
 
     video: str
+    size: tuple[int, int]
     pictures: Sequence[Picture]
     instances: Sequence[Sequence[Instance]]
     nearest: Sequence[Sighting | None]
@@ -137,7 +138,14 @@ def search(
         by_picture[each.picture].append(each)
     numbers = range(len(pictures))
     copies = [instances(by_picture[number]) for number in numbers]
-    return Found(reader.given, pictures, copies, [nearest.get(number) for number in numbers], looks)
+    return Found(
+        reader.given,
+        (reader.info.width, reader.info.height),
+        pictures,
+        copies,
+        [nearest.get(number) for number in numbers],
+        looks,
+    )
 
 
 def _extent(reader: VideoReader, options: TrackingOptions) -> tuple[int, int | None, int]:

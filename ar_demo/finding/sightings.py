@@ -11,7 +11,16 @@ import numpy as np
 from hdn.imaging.arrays import Array
 from hdn.imaging.quads import LIMITS, area, side
 
-SHARP = 0.9  # of the sharpest sighting's sharpness: differences below are of no use to tracking
+
+@dataclass(frozen=True)
+class ChoiceModel:
+    """Which sighting is tracked from."""
+
+    max_inexact: float = 3.0  # its exactness to the best one's: others may be wrong altogether
+    min_sharp: float = 0.9  # its sharpness to the sharpest of those
+
+
+MODEL = ChoiceModel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +123,10 @@ class Instance:
 def best_of(sightings: Sequence[Sighting]) -> Sighting:
     """The one to track from: wholly inside the frame if there is such, sharp, and as exact as can be."""
     whole = [one for one in sightings if one.is_whole] or sightings
-    sharpest = max(one.sharpness for one in whole)
-    return min((one for one in whole if one.sharpness >= SHARP * sharpest), key=lambda one: one.exactness)
+    exactest = min(one.exactness for one in whole)
+    exact = [one for one in whole if one.exactness <= MODEL.max_inexact * exactest]
+    sharpest = max(one.sharpness for one in exact)
+    return min((one for one in exact if one.sharpness >= MODEL.min_sharp * sharpest), key=lambda one: one.exactness)
 
 
 def instances(appearances: list[Appearance]) -> list[Instance]:

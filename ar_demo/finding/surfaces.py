@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import replace as changed
 
+from hdn.state import BOUNDS
+
 from ..errors import NotFound
 from ..surface import Keyframe, Moment, Surface
 from .pictures import Picture, read_pictures
@@ -64,8 +66,21 @@ class Wanted:
                 self._only_in_part(copies, found)
             if len(whole) < len(copies):
                 log.warning("%s: places that never lie wholly inside the frame are left out", surface.find)
+            for copy in whole:
+                self._tell_if_unsure(copy, found)
             located += [_at(surface, copy, self.pictures[copy.best.picture]) for copy in whole]
         return located
+
+    def _tell_if_unsure(self, copy: Instance, found: Found) -> None:
+        best = copy.best
+        if best.deviation > BOUNDS.sharp(max(found.size)):
+            log.warning(
+                "%s: its corners are known to %.1f px only, in frame %d: check them; --snap may help, or a picture "
+                "that is sharper or more alike",
+                self.pictures[best.picture].path,
+                best.deviation,
+                best.index,
+            )
 
     def _only_in_part(self, copies: Sequence[Instance], found: Found) -> None:
         best = min((copy.best for copy in copies), key=lambda one: one.exactness)
