@@ -5,7 +5,9 @@ import os
 import re
 import shutil
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -19,12 +21,14 @@ CLEAN = {name: value for name, value in os.environ.items() if name != "PYTHONPAT
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The program, installed as the image has it."""
-    folder = tmp_path_factory.mktemp("image")
-    for parent in (folder, *folder.parents):
-        if parent.stat().st_uid == os.getuid() and parent != Path("/"):
-            parent.chmod(parent.stat().st_mode | 0o055)
+def program() -> Iterator[Path]:
+    """The program, installed as the image has it, where others may read it."""
+    with TemporaryDirectory() as folder:
+        Path(folder).chmod(0o755)
+        yield installed(Path(folder))
+
+
+def installed(folder: Path) -> Path:
     system = shutil.which("python3.11", path="/usr/bin") or shutil.which("python3")
     to = folder / "ar-replace"
     env = CLEAN | {"PYTHON": str(system)}
