@@ -108,6 +108,17 @@ class Person:
         ]
         return np.array(values).reshape(4, 2)
 
+    def overlaps(self) -> list[str]:
+        """Parts that lie beyond the window's right edge, or over the panel."""
+        code = """() => {
+            const box = name => document.querySelector(name).getBoundingClientRect(), panel = box(".panel");
+            const over = a => Math.min(a.right, panel.right) - Math.max(a.left, panel.left) > 1
+                && Math.min(a.bottom, panel.bottom) - Math.max(a.top, panel.top) > 1;
+            const parts = [".top .tools", ".steps", ".views", ".zoom", ".viewport", ".where", ".state", ".timeline"];
+            return parts.filter(name => box(name).right > innerWidth + 1 || over(box(name)));
+        }"""
+        return list(self.page.evaluate(code))
+
     def violations(self) -> list[str]:
         """What axe-core finds against WCAG 2.2 AA."""
         if not self.page.evaluate("typeof axe === 'object'"):

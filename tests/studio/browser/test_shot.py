@@ -46,6 +46,10 @@ def test_a_shot_from_the_first_picture_to_the_file(visit, folder, tmp_path):
     truth = path(QUAD, FRAMES)
     assert _worst(_track(folder), truth) < 2
 
+    for width, height in [(820, 1180), (1024, 768), (1180, 820), (1366, 768)]:
+        page.set_viewport_size({"width": width, "height": height})
+        assert person.overlaps() == []
+
     # A corner that is dragged is a keyframe, and only what is next to it is tracked again.
     page.locator("#frame").fill("20")
     person.press("Enter")
