@@ -36,6 +36,10 @@ class Person:
     def click(self, button: str, exact: bool = False) -> None:
         self.page.get_by_role("button", name=button, exact=exact).first.click()
 
+    def frame(self) -> int:
+        """The frame on the stage."""
+        return int(self.page.locator("canvas.picture").get_attribute("data-frame"))
+
     def wait_for_frame(self, number: int) -> None:
         """Until that frame is on the stage."""
         self.page.wait_for_selector(f'canvas.picture[data-frame="{number}"]')

@@ -37,6 +37,28 @@ def test_corners_move_by_a_tenth_of_a_pixel_and_back(visit, folder):
     assert np.allclose(job(folder)["surfaces"][0]["quad"], person.corners(), atol=0.06)
 
 
+def test_plays_forward_and_backward_and_shows_the_frames_that_it_names(visit):
+    person = visit()
+    person.press("l")
+    person.until(lambda: person.frame() > 4)
+    person.press("k")
+    person.page.wait_for_timeout(300)
+    stopped = person.frame()
+    assert person.number_seen() == stopped
+    person.page.wait_for_timeout(300)
+    assert person.frame() == stopped
+    person.press("j")
+    person.until(lambda: person.frame() < stopped)
+    person.press("Space")
+    person.page.wait_for_timeout(300)
+    assert person.number_seen() == person.frame()
+    person.page.keyboard.press("Home")
+    person.wait_for_frame(0)
+    person.press("+")
+    person.page.get_by_role("button", name="Whole picture").click()
+    assert person.number_seen() == 0
+
+
 def test_a_likely_rectangle_is_taken_by_its_number(visit):
     person = visit()
     person.page.get_by_role("button", name="Take likely rectangle 1").click()
