@@ -163,6 +163,11 @@ class Frames(AbstractContextManager["Frames"]):
     def __exit__(self, *error: Any) -> None:
         self.close()
 
+    @property
+    def is_filled(self) -> bool:
+        """Whether there is no frame left to be kept, or no room."""
+        return self._kept.is_full or not any(map(self._lacks, range(self.count)))
+
     def pause(self, paused: bool) -> None:
         """Whether only what is asked for is decoded, as while there is other work for the processor."""
         with self._changed:

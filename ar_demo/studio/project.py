@@ -117,7 +117,8 @@ class Project:
         self._tracks: dict[str, Kept] = {}
         self._made: set[Path] = set()  # track files of this server
         self.outputs: dict[str, Path] = {}
-        self._entry = _read(job_file) if job_file.exists() else JobEntry(1, [])
+        self._content = self._content_on_disk()
+        self._entry = JobEntry(1, []) if self._content is None else _parsed(job_file, self._content)
         self.session = Session(video)
         try:
             reader = self.session.reader
@@ -222,8 +223,12 @@ class Project:
                 self._check(number, surface)
             _checked("tracking.time", lambda: change.tracking.options(self._entry, self.folder))
             _checked("rendering", lambda: change.rendering.options(self._entry))
-            self._state = State(change.surfaces, change.tracking, change.rendering)
-            self._changed()
+            before, self._state = self._state, State(change.surfaces, change.tracking, change.rendering)
+            try:
+                self._changed()
+            except BaseException:
+                self._state = before
+                raise
 
     def _check(self, number: int, surface: SurfaceState) -> None:
         """Refuses a surface that cannot be; one that is not finished can."""
@@ -287,8 +292,20 @@ class Project:
 
     def _write(self) -> None:
         """The job file, whole."""
-        self._entry = self._job()
-        write_whole(self.job_file, msgspec.json.format(msgspec.json.encode(self._entry), indent=2) + b"\n")
+        if self._content_on_disk() != self._content:
+            told = f"{self.job_file.name} was changed by another program, or another ar-studio: start ar-studio anew"
+            raise Refusal(409, told)
+        entry = self._job()
+        content = msgspec.json.format(msgspec.json.encode(entry), indent=2) + b"\n"
+        write_whole(self.job_file, content)
+        self._entry, self._content = entry, content
+
+    def _content_on_disk(self) -> bytes | None:
+        """What the job file says now; None where there is none."""
+        try:
+            return self.job_file.read_bytes()
+        except FileNotFoundError:
+            return None
 
     def _job(self) -> JobEntry:
         """What the job file is to say."""
@@ -548,11 +565,9 @@ def job_file_of(video: Path) -> Path:
     return beside(video, JOB)
 
 
-def _read(path: Path) -> JobEntry:
+def _parsed(path: Path, content: bytes) -> JobEntry:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=JobEntry)
-    except OSError as error:
-        raise InputError(f"cannot read job file {path}: {error.strerror}") from error
+        return msgspec.json.decode(content, type=JobEntry)
     except msgspec.DecodeError as error:
         raise InputError(f"{path} is not as a job file must be ({error}): mend it, or move it away") from error
 

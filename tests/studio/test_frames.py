@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from ar_demo.media.reader import Frame, VideoReader
+from ar_demo.studio import benchmark
 from ar_demo.studio.errors import Refusal
 from ar_demo.studio.frames import Bounded, Frames, FramesModel, Pile
 from ar_demo.studio.pictures import from_jpeg
@@ -81,7 +82,7 @@ def test_a_frame_is_as_high_as_it_is_asked_for(numbered: Path) -> None:
 def test_all_frames_are_kept_while_nothing_is_asked_for(numbered: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with VideoReader(numbered) as reader, Frames(reader, COUNT, FramesModel(idle_seconds=0.01)) as frames:
         end = time.monotonic() + 20
-        while not all(index in frames._kept for index in range(COUNT)) and time.monotonic() < end:
+        while not frames.is_filled and time.monotonic() < end:
             time.sleep(0.01)
         monkeypatch.setattr(reader, "frames", None)  # nothing is decoded any more
         assert [number(frames.picture(index)) for index in (119, 0, 60)] == [119, 0, 60]
@@ -108,6 +109,16 @@ def test_a_file_that_breaks_off_is_told(numbered: Path, tmp_path: Path) -> None:
         with pytest.raises(Refusal, match="cannot be decoded"):
             frames.picture(59)
         assert number(frames.picture(5)) == 5
+
+
+def test_the_benchmark_tells_of_each_way(numbered: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    benchmark.main([str(numbered)])
+    told = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in told[1:4]] == [
+        f"{w}, nothing kept" for w in ("forward", "backward", "jumps")
+    ]
+    assert all(" ms of processor time a frame" in line for line in told[1:-1])
+    assert told[-1].startswith("memory: ")
 
 
 def test_bounded_keeps_what_was_used_last() -> None:

@@ -12,8 +12,9 @@ import pytest
 
 from ar_demo.cli.defaults import Defaults
 from ar_demo.cli.jobs import load_job
-from ar_demo.errors import InputError
+from ar_demo.errors import InputError, RunError
 from ar_demo.session import Session
+from ar_demo.studio.errors import Refusal
 from ar_demo.studio.project import Project
 from ar_demo.studio.state import LOOK, Change, SurfaceState
 from ar_demo.studio.workspace import Workspace
@@ -148,6 +149,31 @@ def test_an_older_state_does_not_replace_a_newer_one(studio: Studio) -> None:
     assert (answer.status_code, answer.json()["revision"]) == (409, 1)
     assert answer.json()["surfaces"][0]["opacity"] == 0.25
     assert job_of(studio)["surfaces"][0]["opacity"] == 0.25
+
+
+def test_what_another_program_wrote_is_not_replaced(studio: Studio) -> None:
+    """As a second server does on the same video."""
+    other = again(studio)
+    studio.put(surface={"opacity": 0.25})
+    content = json.loads(json.dumps(other.content))
+    with pytest.raises(Refusal, match="start ar-studio anew"):
+        other.change(msgspec.convert({"revision": 0, "surfaces": content["surfaces"]}, Change))
+    assert other.content["revision"] == 0
+    assert job_of(studio)["surfaces"][0]["opacity"] == 0.25
+    (studio.folder / "street.job.json").unlink()
+    assert studio.put(surface={"opacity": 0.5}).status_code == 409
+    assert studio.content["surfaces"][0]["opacity"] == 0.25
+    other.close()
+
+
+def test_a_change_that_cannot_be_written_is_not_made(studio: Studio, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise RunError("cannot write street.job.json: no space left on the disk")
+
+    monkeypatch.setattr("ar_demo.studio.project.write_whole", full)
+    answer = studio.put(surface={"opacity": 0.25})
+    assert (answer.status_code, "no space" in answer.json()["error"]) == (500, True)
+    assert (studio.content["revision"], studio.content["surfaces"][0]["opacity"]) == (0, 1.0)
 
 
 @pytest.mark.parametrize(
