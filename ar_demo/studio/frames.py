@@ -12,7 +12,7 @@ import shutil
 import tempfile
 import time
 from collections import OrderedDict, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Container, Iterator
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
@@ -131,6 +131,16 @@ class Pile:
         self._file.close()
 
 
+class _Those(Container[int]):
+    """The frames that a function says yes to."""
+
+    def __init__(self, has: Callable[[int], bool]) -> None:
+        self._has = has
+
+    def __contains__(self, index: object) -> bool:
+        return isinstance(index, int) and self._has(index)
+
+
 class Frames(AbstractContextManager["Frames"]):
     """The frames of a video, for as long as it is open. Its methods may be called from any thread."""
 
@@ -147,6 +157,7 @@ class Frames(AbstractContextManager["Frames"]):
         self._missing: set[int] = set()  # frames that cannot be decoded
         self._filled = 0  # all before it are kept
         self._at = -1  # the frame that the iteration gives next
+        self._heading = -1  # the frame that is decoded towards
         self._iteration: Iterator[Frame] | None = None
         self._is_paused = self._is_closed = False
         self._thread = Thread(target=self._work, name="frames", daemon=True)
@@ -290,10 +301,11 @@ class Frames(AbstractContextManager["Frames"]):
         return range(max(begin - size, 0), begin) if not any(map(self._lacks, whole)) else whole
 
     def _decode_towards(self, goal: int) -> None:
-        """Decodes the next frame on the way to one."""
+        """Decodes on the way to a frame, up to it or to the next one of use."""
+        self._heading = goal
         if not self._leads_to(goal):
             self._close_iteration()
-            self._iteration = self._reader.frames(self._begin(goal))
+            self._iteration = self._reader.frames(self._reader.key_before(goal), only=_Those(self._is_of_use))
         assert self._iteration is not None
         frame = next(self._iteration, None)
         if frame is None:
@@ -301,26 +313,27 @@ class Frames(AbstractContextManager["Frames"]):
             raise Refusal(404, f"frame {goal} cannot be decoded: the file is damaged")
         self._at = frame.index + 1
         with self._changed:
-            future = self._waiting.get(frame.index)
+            is_near = self._is_near(frame.index)
             may_take_time = not self._waiting or frame.index in self._soon()
-            near = bool(self._waiting) and goal - frame.index < self._model.before_frames
-            self._waiting.pop(frame.index, None)
-        if near or future is not None:
+            future = self._waiting.pop(frame.index, None)
+        if is_near or future is not None:
             self._whole.put(frame.index, frame.view, frame.view.nbytes)
         if future is not None:
             future.set_result(frame.view)
         if frame.index not in self._kept and (future is not None or may_take_time):
             self._kept.put(frame.index, jpeg(scaled(frame.view, self._model.kept_height_px)))
 
-    def _begin(self, goal: int) -> int:
-        """The first frame that is given out on the way from a key frame to one that is wanted."""
-        key = self._reader.key_before(goal)
+    def _is_of_use(self, index: int) -> bool:
+        """Whether a frame that was just decoded is given out: as it is of use, or as another is headed for now."""
         with self._changed:
-            on_the_way = [index for index in self._waiting if key <= index <= goal]
-        if goal not in on_the_way:
-            return goal
-        # Whoever jumped there may go on backwards.
-        return min(*on_the_way, max(goal - self._model.before_frames, key))
+            if not self._waiting:
+                return self._lacks(index)
+            has_changed = next(reversed(self._waiting)) != self._heading
+            return has_changed or index in self._waiting or index in self._soon() or self._is_near(index)
+
+    def _is_near(self, index: int) -> bool:
+        """Whether it is a little before a frame that is waited for: whoever jumped there may go on backwards."""
+        return bool(self._waiting) and 0 <= self._heading - index < self._model.before_frames
 
     def _leads_to(self, goal: int) -> bool:
         """Whether a frame is best reached from where decoding stands."""

@@ -3,9 +3,10 @@
 import random
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,10 +53,10 @@ def test_frames_of_one_group_come_in_one_pass(numbered: Path, monkeypatch: pytes
         decode = reader.frames
         may_go_on = threading.Event()
 
-        def count(start: int) -> Iterator[Frame]:
+        def count(start: int, only: Container[int]) -> Iterator[Frame]:
             assert may_go_on.wait(20)
             begun.append(start)
-            return decode(start)
+            return decode(start, only=only)
 
         monkeypatch.setattr(reader, "frames", count)
         wanted = [*range(20, COUNT, 10)]
@@ -67,6 +68,27 @@ def test_frames_of_one_group_come_in_one_pass(numbered: Path, monkeypatch: pytes
             may_go_on.set()
             assert [number(each.result()) for each in found] == wanted
         assert len(begun) <= 2  # the first may have begun before the others were asked for
+
+
+def test_what_was_asked_for_last_comes_first(numbered: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with VideoReader(numbered) as reader, Frames(reader, COUNT, LAZY) as frames:
+        frames.picture(0)
+        came: list[int] = []
+        put = frames._whole.put
+
+        def slowly(index: int, *others: Any) -> None:
+            came.append(index)
+            time.sleep(0.002)
+            put(index, *others)
+
+        monkeypatch.setattr(frames._whole, "put", slowly)
+        with ThreadPoolExecutor(2) as pool:
+            late = pool.submit(frames.picture, COUNT - 1)
+            while COUNT - 1 not in frames._waiting and not late.done():
+                time.sleep(0.001)
+            soon = pool.submit(frames.picture, 5)
+            assert (number(soon.result()), number(late.result())) == (5, COUNT - 1)
+        assert not {*range(20, 100)} & {*came}  # what lies between is of no use, and is not converted
 
 
 def test_a_frame_is_as_high_as_it_is_asked_for(numbered: Path) -> None:
