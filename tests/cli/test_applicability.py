@@ -88,7 +88,7 @@ OPTIONS: dict[str, list[str]] = {
     "max_held": ["--max-held", "10%"],
     "max_lost": ["--max-lost", "0.3"],
     "fail_lost": ["--fail-lost", "90%"],
-    "max_deviation": ["--max-deviation", "1.5"],
+    "max_deviation": ["--max-deviation", "2.5"],
     "parallel": ["--parallel", "2"],
 }
 OF_BOTH = (
