@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from queue import SimpleQueue
-from threading import Thread
+from queue import Empty, SimpleQueue
+from threading import Lock, Thread
 from typing import Any
 
 from distributed import CancelledError, Client, Status, get_worker
@@ -66,6 +66,7 @@ class ClusterPool(AbstractContextManager["ClusterPool"]):
         self._client = self._connect()
         self._queue: SimpleQueue[_Sent | None] = SimpleQueue()
         self._sent: set[_Sent] = set()
+        self._lock = Lock()
         self._closing = False
         self._capacity, self._looked = MODEL.fewest, -MODEL.look_seconds
         self._sender = Thread(target=self._send_all, name="cluster", daemon=True)
@@ -102,11 +103,20 @@ class ClusterPool(AbstractContextManager["ClusterPool"]):
 
     def _send_all(self) -> None:
         """Sends what is submitted, and what a scheduler that was restarted has forgotten."""
-        while (sent := self._queue.get()) is not None:
+        while True:
+            try:
+                sent = self._queue.get(timeout=MODEL.pause_seconds)
+            except Empty:
+                if self._client.status == "closed":  # which tells nothing to who waits for its tasks
+                    for sent in list(self._sent):
+                        if self._is_mine(sent, sent.handle):
+                            self._queue.put(sent)
+                continue
+            if sent is None:
+                return
             try:
                 self._send(sent)
             except Exception as error:
-                self._sent.discard(sent)
                 sent.future.set_exception(error)
 
     def _send(self, sent: _Sent) -> None:
@@ -118,7 +128,7 @@ class ClusterPool(AbstractContextManager["ClusterPool"]):
                 if time.monotonic() > until:
                     raise Gone(f"{error}; the same command goes on with what is left") from error
                 time.sleep(MODEL.pause_seconds)
-        sent.handle = self._client.submit(
+        handle = self._client.submit(
             work,
             sent.task,
             self._place,
@@ -127,14 +137,24 @@ class ClusterPool(AbstractContextManager["ClusterPool"]):
             pure=False,
             resources=self._resources or None,
         )
-        self._sent.add(sent)
-        sent.handle.add_done_callback(partial(self._take, sent))
+        with self._lock:
+            sent.handle = handle
+            self._sent.add(sent)
+        handle.add_done_callback(partial(self._take, sent))
+
+    def _is_mine(self, sent: _Sent, handle: Any) -> bool:
+        """Whether a task is still at the cluster by this handle; from now on it is not."""
+        with self._lock:
+            if handle is None or handle is not sent.handle:
+                return False
+            sent.handle = None
+            self._sent.discard(sent)
+            return True
 
     def _take(self, sent: _Sent, handle: Any) -> None:
         """Takes what came of a task; what was cancelled, by a scheduler that is gone, is sent anew."""
-        if self._closing or handle is not sent.handle:
+        if self._closing or not self._is_mine(sent, handle):
             return
-        self._sent.discard(sent)
         try:
             outcome = handle.result(timeout=MODEL.connect_seconds)
         except (CancelledError, TimeoutError, OSError):

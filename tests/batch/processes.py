@@ -1,6 +1,7 @@
 """Batches in processes of their own, which can be killed."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -26,6 +27,18 @@ def fork_batch(manifest: Path, *options: str) -> int:
         status = int(end.code or 0)
     finally:
         os._exit(status)
+
+
+def status_of(pid: int, seconds: float = 150) -> int:
+    """The exit status of a batch that ends by itself."""
+    until = time.monotonic() + seconds
+    while (ended := os.waitpid(pid, os.WNOHANG))[0] == 0:
+        if time.monotonic() > until:
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+            raise AssertionError("the batch does not end")
+        time.sleep(0.02)
+    return os.waitstatus_to_exitcode(ended[1])
 
 
 def wait_until(so: Callable[[], bool], seconds: float = 60) -> None:

@@ -18,7 +18,7 @@ from ar_demo.batch.task import Task
 
 from ..conftest import Run
 from .conftest import Write
-from .processes import children_of_the_batch, fork_batch, wait_until
+from .processes import children_of_the_batch, fork_batch, status_of, wait_until
 
 JOBS = 10
 HERE = Path(__file__).parent
@@ -111,7 +111,7 @@ def test_a_request_to_end_ends_the_jobs_of_the_workers(write: Write, tmp_path: P
     pid = fork_batch(write({"codec": "sleep:60"}), "--scheduler", cluster.address)
     wait_until(lambda: bool(children_now(cluster.folder)))
     os.kill(pid, signal.SIGTERM)
-    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 143
+    assert status_of(pid) == 143
     assert not children_of_the_batch(cluster.folder)
     assert not (tmp_path / "out" / "1.mp4").exists()
 
@@ -176,7 +176,7 @@ def test_a_worker_that_is_killed_and_a_scheduler_that_comes_back_lose_nothing(
         cluster.scheduler.wait()
         cluster.scheduler = cluster.start_scheduler()
         cluster.start_worker("--name", "third")
-        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+        assert status_of(pid) == 0
         assert endings(tmp_path) == ["done"] * JOBS
         assert {(tmp_path / "out" / f"{n}.mp4").read_text() for n in range(1, JOBS + 1)} == {"a video\na picture\n"}
         expected = {f"{n}.mp4{ending}" for n in range(1, JOBS + 1) for ending in ("", ".json", ".log")}
@@ -192,7 +192,7 @@ def test_a_worker_that_is_killed_and_a_scheduler_that_comes_back_lose_nothing(
         pid = fork_batch(write({"codec": "sleep:60", "output": "out/last.mp4"}), "--scheduler", cluster.address)
         wait_until(lambda: bool(children_now(folder)))
         cluster.scheduler.kill()
-        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 1
+        assert status_of(pid) == 1
         assert not (tmp_path / "out" / "last.mp4").exists()
     finally:
         cluster.close()

@@ -15,7 +15,7 @@ from ar_demo.batch.state import State
 
 from ..conftest import Run
 from .conftest import Write
-from .processes import children_of_the_batch, fork_batch, wait_until
+from .processes import children_of_the_batch, fork_batch, status_of, wait_until
 
 pytestmark = pytest.mark.usefixtures("stand_in")
 Begun = Callable[[], list[str]]
@@ -186,8 +186,7 @@ def test_a_request_to_end_ends_the_jobs_and_leaves_nothing_half_made(
     pid = fork_batch(write({"codec": "sleep:30"}, {}))
     wait_until((tmp_path / "begun.txt").exists)
     os.kill(pid, signal.SIGTERM)
-    _, status = os.waitpid(pid, 0)
-    assert os.waitstatus_to_exitcode(status) == 143
+    assert status_of(pid) == 143
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["1.mp4.log"]
     assert not children_of_the_batch(tmp_path)
 
