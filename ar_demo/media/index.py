@@ -85,7 +85,8 @@ def demux(source: Path | ImageSequence) -> Index | None:
     container, stream = open_video(source)
     with container:
         base = stream.time_base or 1 / frame_rate(stream)
-        by_pts = "matroska" in container.format.name  # whose seeking goes by pts; all others' goes by dts
+        # Seeking goes by pts in these, by dts in all others. (MP4's own times are dts, but an edit list moves them.)
+        by_pts = any(name in container.format.name for name in ("matroska", "mp4"))
         found: list[tuple[int, bool, int | None]] = []
         reason = ""
         try:

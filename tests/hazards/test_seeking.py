@@ -157,6 +157,16 @@ def test_a_late_frame_is_reached_without_decoding_the_rest(tmp_path: Path, kind:
     assert decoded.count - before <= 2 * 2 * GOP
 
 
+@pytest.mark.parametrize("kind", ["plain", "b-frames", "open groups, mkv", "uneven times"])
+def test_decoding_begins_with_the_key_frame_before(tmp_path: Path, kind: str, decoded: Decoded) -> None:
+    reader = VideoReader(GOOD[kind](tmp_path))
+    list(reader.frames(80, 82))
+    for start in (46, 61, 75):
+        before = decoded.count
+        list(reader.frames(start, start + 1))
+        assert decoded.count - before <= start + 2 - reader.key_before(start)
+
+
 @pytest.mark.parametrize("kind", GOOD)
 def test_what_was_decoded_once_is_reached_by_seeking_as_well(tmp_path: Path, kind: str, decoded: Decoded) -> None:
     reader = VideoReader(GOOD[kind](tmp_path))
