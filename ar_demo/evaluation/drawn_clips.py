@@ -1,5 +1,9 @@
-"""Clips that are drawn for measuring speed: posters that move before a street, of any size, share and length."""
+"""Clips that are drawn for measuring speed: posters that move before a street, of any size, share and length.
 
+`python -m ar_demo.evaluation.drawn_clips OUT WIDTH HEIGHT SHARE FRAMES SURFACES` writes one.
+"""
+
+import sys
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -98,3 +102,8 @@ def motion(index: int, size: tuple[int, int]) -> Array:
 def corners_in(index: int, kind: Kind) -> list[Array]:
     """The surfaces' corners (4, 2) in a frame, px."""
     return [transform(motion(index, (kind.width, kind.height)), quad) for quad in kind.quads]
+
+
+if __name__ == "__main__":
+    out, width, height, share, frames, surfaces = sys.argv[1:]
+    draw_clip(Path(out), Kind(int(width), int(height), float(share), int(frames), int(surfaces)))

@@ -13,7 +13,7 @@ import sys
 import time
 from argparse import Namespace
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,7 +26,7 @@ from hdn.commandline import DONE, Parser, natural, run
 
 from ..errors import InputError, RunError
 from ..media.reader import VideoReader
-from .drawn_clips import Kind, draw_clip
+from .drawn_clips import Kind
 
 JOBS = ("transcode", "track", "render", "whole")
 MODULES = {
@@ -296,11 +296,16 @@ def _drawn(kind: Kind, folder: Path) -> Subject:
     if kind.surfaces > 1:
         name += f", {kind.surfaces} surfaces"
     clip, ad = folder / f"{name.replace(', ', '-').replace(' ', '-')}.mp4", folder / "ad.mp4"
-    draw_clip(clip, kind)
+    _draw(clip, kind)
     if not ad.exists():
-        draw_clip(ad, Kind(*AD_SIZE, 0.5, 60))
+        _draw(ad, Kind(*AD_SIZE, 0.5, 60))
     quads = [" ".join(f"{x:.2f},{y:.2f}" for x, y in quad) for quad in kind.quads]
     return Subject(name, clip, kind.frames, quads, ad)
+
+
+def _draw(path: Path, kind: Kind) -> None:
+    """Draws a clip in a process of its own: on Linux a job's peak memory is at least that of whoever starts it."""
+    cost_of(["-m", "ar_demo.evaluation.drawn_clips", str(path), *map(str, astuple(kind))])
 
 
 def _parser() -> Parser:
