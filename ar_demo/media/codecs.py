@@ -18,6 +18,7 @@ from typing import cast
 import av
 
 from ..errors import InputError
+from .priority import priority_kept
 
 log = logging.getLogger(__name__)
 
@@ -390,7 +391,8 @@ def _works(encoder: str) -> bool:
     context.width, context.height, context.pix_fmt = _TRIAL_SIZE[0], _TRIAL_SIZE[1], "yuv420p"
     context.time_base = Fraction(1, 25)
     try:
-        context.open()
+        with priority_kept():
+            context.open()
     except (av.FFmpegError, OSError):
         return False
     return True

@@ -18,6 +18,7 @@ from ..errors import InputError, RunError
 from . import codecs
 from .claims import Claim, reason_of
 from .planes import plain
+from .priority import priority_kept
 from .reader import VideoInfo
 from .siting import chroma_siting, turned
 from .streams import Streams
@@ -97,7 +98,8 @@ def join(
         container = av.open(str(output.part), "w", format=kind.muxer, container_options=dict(kind.options))
         stream = _like(parts[0], container, kind.muxer, source)
         streams.attach(container, stream)
-        container.start_encoding()
+        with priority_kept():
+            container.start_encoding()
         zero = streams.begin(times[0])
         _Packets(found, times, end, zero).mux(container, stream, streams)
         for packet in streams.finish(end):

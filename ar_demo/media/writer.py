@@ -27,6 +27,7 @@ from .color import BT709, Colour, FromRGB
 from .mastering import Mastering
 from .palette import ToPalette
 from .planes import Drawn, Planes, plain
+from .priority import priority_kept
 from .streams import Streams
 from .transparency import FromRGBA
 
@@ -129,7 +130,8 @@ class VideoWriter:
             self._stream = self._add_stream(chosen, crf, pix_fmt, pixel_aspect, fast, told)
             if streams is not None:
                 streams.attach(self._container, self._stream)
-            self._container.start_encoding()
+            with priority_kept():
+                self._container.start_encoding()
         except (av.FFmpegError, ValueError, OSError) as error:
             self.discard()
             if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EPERM):
