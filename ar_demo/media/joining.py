@@ -98,8 +98,7 @@ def join(
         container = av.open(str(output.part), "w", format=kind.muxer, container_options=dict(kind.options))
         stream = _like(parts[0], container, kind.muxer, source)
         streams.attach(container, stream)
-        with priority_kept():
-            container.start_encoding()
+        container.start_encoding()
         zero = streams.begin(times[0])
         _Packets(found, times, end, zero).mux(container, stream, streams)
         for packet in streams.finish(end):
@@ -151,7 +150,8 @@ def _like(part: Path, container: Any, muxer: str, of: VideoInfo | None) -> Video
                 setattr(own, name, getattr(context, name))
             own.sample_aspect_ratio = theirs.sample_aspect_ratio or Fraction(1)
             own.time_base = Fraction(1, 1000)
-            own.open()
+            with priority_kept():
+                own.open()
             own.extradata = context.extradata
         stream.time_base = theirs.time_base
     return cast(VideoStream, stream)
