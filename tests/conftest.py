@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from ar_demo.cli import entry
+from ar_demo.media.priority import priority_kept
 from ar_demo.tracking import protocol
 from hdn import Tracker
 from hdn.networks import pytorch, weights
@@ -105,3 +106,10 @@ def _loggers_as_they_were() -> Iterator[None]:
     for logger, (level, handlers) in zip(loggers, before, strict=True):
         logger.setLevel(level)
         logger.handlers[:] = handlers
+
+
+@pytest.fixture(autouse=True)
+def _usual_priority() -> Iterator[None]:
+    """Tests that open SVT-AV1 by themselves, as root, would leave all after them at real-time priority."""
+    with priority_kept():
+        yield
