@@ -23,7 +23,7 @@ class Person:
         self._size, self._strip = size, strip
         self.complaints: list[str] = []
         self.page = context.new_page()
-        self.page.set_default_timeout(20_000)
+        self.page.set_default_timeout(60_000)
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("response", lambda r: self.complaints.append(f"{r.status} {r.url}") if r.status >= 400 else None)
         self.page.goto(f"{address}#{project}")
@@ -44,10 +44,10 @@ class Person:
         """Until that frame is on the stage."""
         self.page.wait_for_selector(f'canvas.picture[data-frame="{number}"]')
 
-    def wait_for(self, text: str, seconds: float = 20) -> None:
+    def wait_for(self, text: str, seconds: float = 60) -> None:
         self.page.get_by_text(text).first.wait_for(timeout=seconds * 1000)
 
-    def until(self, holds: Callable[[], Any], seconds: float = 20) -> None:
+    def until(self, holds: Callable[[], Any], seconds: float = 60) -> None:
         """Until something holds."""
         end = time.monotonic() + seconds
         while not holds():
