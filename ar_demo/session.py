@@ -7,8 +7,11 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from dataclasses import dataclass
 from dataclasses import replace as changed
 from fractions import Fraction
+from inspect import GEN_CLOSED, getgeneratorstate
 from pathlib import Path
 from typing import Any, TypeVar
+
+import numpy as np
 
 from hdn.networks.engine import Engine
 from hdn.networks.loading import load_engine
@@ -16,7 +19,7 @@ from hdn.plane.picture import PlanePicture
 
 from .choices import Backend
 from .compositing.compositor import open_compositor
-from .errors import InputError
+from .errors import InputError, Stopped
 from .finding.pictures import Picture, read_pictures
 from .finding.search import Found, search
 from .finding.surfaces import Wanted
@@ -41,7 +44,7 @@ from .rendering.preview import Preview
 from .rendering.steady import SteadyView
 from .rendering.study import Frames
 from .results import Plan, Result, total
-from .stopping import StopSignal
+from .stopping import Steps, StopSignal
 from .surface import FIRST, Moment, Span, Surface
 from .tracking.corrections import needs_correction
 from .tracking.moments import frames_until, index_of, is_within, until
@@ -63,7 +66,8 @@ TIME_TOLERANCE = Fraction(1, 500)  # s: times in a track file are rounded
 class Session(AbstractContextManager["Session"]):
     """One video that surfaces are tracked in and ads are laid on.
 
-    `stop()`, from any thread, ends whatever is under way: it raises `Stopped`, and leaves nothing half made.
+    `stop()`, from any thread, ends whatever is under way: it raises `Stopped`, and leaves nothing half made. Tracking
+    that was stopped goes on where it was when the same is tracked next.
 
     Example:
         with Session("street.mp4", listen=print) as session:
@@ -86,14 +90,18 @@ class Session(AbstractContextManager["Session"]):
         self.reader = VideoReader(input)
         self._make_tracker, self._is_hdn = make_tracker, False
         self._stop = StopSignal()
+        self._resting: _Resting | None = None
 
     def __exit__(self, *error: Any) -> None:
+        self._rest(None)
         self.reader.close()
 
     def stop(self) -> None:
         """Ends tracking or rendering before the next frame, or the next that is begun; may be called from any thread.
 
-        Once it has ended something, the session can be used again.
+        Once it has ended something, the session can be used again. If `track` is called next for the same surfaces with
+        the same options, it goes on with the frame before which it was stopped, whatever else was done meanwhile; with
+        `parallel` it begins anew.
         """
         self._stop.set()
 
@@ -193,7 +201,8 @@ class Session(AbstractContextManager["Session"]):
         measured: Iterator[Track] = iter(())
         if new:
             with self._workers(options) as workers:
-                measured = iter(self._passes(options, workers).track(new))
+                passes = self._passes(options, workers)
+                measured = iter(self._go_on(new, options, lambda: passes.track(new)))
         return [
             changed(
                 surface, quad=None, snap=False, start=FIRST, region=None, exclude=(), track=next(measured).as_saved()
@@ -491,7 +500,7 @@ class Session(AbstractContextManager["Session"]):
             Stopped: see `stop`.
         """
         check_belongs_to(track, self.reader)
-        [picture] = self._numbered_rightly(lambda: plane_pictures(self.reader, [track], self.listen, self._stop))
+        [picture] = self._numbered_rightly(lambda: self._stop.drive(plane_pictures(self.reader, [track], self.listen)))
         if picture.views == 1:
             log.warning(
                 "the picture of the plane is that of the reference frame alone: too few frames agree with it; "
@@ -502,7 +511,29 @@ class Session(AbstractContextManager["Session"]):
     def _corrected(self, surface: Surface, track: Track, options: TrackingOptions) -> Track:
         if not needs_correction(track, surface.keyframes):
             return track
-        return self._passes(options).correct(track, surface.keyframes).as_saved()
+        passes = self._passes(options)
+        return self._go_on([surface], options, lambda: passes.correct(track, surface.keyframes)).as_saved()
+
+    def _go_on(self, surfaces: Sequence[Surface], options: TrackingOptions, begin: Callable[[], Steps[T]]) -> T:
+        """Tracks surfaces in steps: those that are left where it was stopped before, else all, which `begin` gives."""
+        if self._resting is None or not self._resting.is_for(surfaces, options):
+            self._rest(_Resting(surfaces, options, begin()))
+        assert self._resting is not None
+        steps, rests = self._resting.steps, False
+        try:
+            return self._stop.drive(steps)
+        except Stopped:
+            rests = getgeneratorstate(steps) != GEN_CLOSED and options.parallel == 1  # processes end with the work
+            raise
+        finally:
+            if not rests:
+                self._rest(None)
+
+    def _rest(self, work: "_Resting | None") -> None:
+        """Keeps work that was stopped, in place of what was kept, which ends."""
+        if self._resting is not None:
+            self._resting.steps.close()
+        self._resting = work
 
     def _numbered_rightly(self, work: Callable[[], T]) -> T:
         """What the work gives; it starts over where the file's packets proved to number its frames wrongly."""
@@ -515,7 +546,8 @@ class Session(AbstractContextManager["Session"]):
     def _passes(self, options: TrackingOptions, workers: Workers | None = None) -> Passes:
         if self._make_tracker is None:
             self._make_tracker, self._is_hdn = hdn_trackers(options), True
-        return Passes(self.reader, self._make_tracker, options, self.listen, self._stop, workers)
+        listen: Listener = lambda event: self.listen(event)  # noqa: E731 - it may be another when tracking goes on
+        return Passes(self.reader, self._make_tracker, options, listen, self._stop, workers)
 
     def _workers(self, options: TrackingOptions) -> AbstractContextManager[Workers | None]:
         """The processes that track stretches of the video; None where this one does it."""
@@ -530,6 +562,27 @@ class Session(AbstractContextManager["Session"]):
             log.warning("%s: tracking goes on without --parallel", why)
             return nullcontext()
         return Workers(options.parallel, self._stop)
+
+
+@dataclass(frozen=True)
+class _Resting:
+    """Tracking that may go on: of what, and the steps that are left."""
+
+    surfaces: Sequence[Surface]
+    options: TrackingOptions
+    steps: Steps[Any]
+
+    def is_for(self, surfaces: Sequence[Surface], options: TrackingOptions) -> bool:
+        """Whether it tracks these, whatever they look like."""
+        return options == self.options and [*map(_place, surfaces)] == [*map(_place, self.surfaces)]
+
+
+def _place(surface: Surface) -> tuple[Any, ...]:
+    """What of a surface its track is made from, to be compared."""
+    keyframes = [(keyframe.at, keyframe.corners.tobytes()) for keyframe in surface.keyframes]
+    polygons = [None if points is None else points.tobytes() for points in (surface.region, *surface.exclude)]
+    quad = None if surface.quad is None else np.asarray(surface.quad, np.float64).tobytes()
+    return id(surface.track), quad, surface.start, surface.snap, polygons, keyframes
 
 
 @dataclass(frozen=True)

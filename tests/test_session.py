@@ -1,10 +1,12 @@
 """One video from opening to output: stopping, progress, trackers of one's own, tracks of other videos."""
 
 import threading
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -109,6 +111,50 @@ def test_stops_from_another_thread_and_leaves_nothing(clip: Path, ad: Path, tmp_
         work()  # what was stopped may be begun again
     assert [p.name for p in tmp_path.iterdir()] == ["o.mp4"]
     assert set(threading.enumerate()) <= before
+
+
+@dataclass
+class Counting:
+    """A listener that stops a session after so many frames of a stage, and counts all."""
+
+    session: Session | None = None
+    stage: str = ""
+    frames: int = 0
+    seen: list[str] = field(default_factory=list)
+
+    def __call__(self, event: Progress) -> None:
+        self.seen.append(event.stage)
+        if event.stage == self.stage and self.seen.count(self.stage) == self.frames and self.session is not None:
+            self.session.stop()
+
+
+@pytest.mark.parametrize("stage", ["track", "track back"])
+def test_tracking_that_was_stopped_goes_on_where_it_was(clip: Path, ad: Path, stage: str) -> None:
+    def poster(**look: Any) -> Surface:
+        return Surface(ad, Scene().quad, start=Moment(frame=4), **look)
+
+    with Session(clip) as session:
+        [whole] = session.track([poster()])
+        before = set(threading.enumerate())
+        session.listen = first = Counting(session, stage, 3)
+        with pytest.raises(Stopped):
+            session.track([poster()])
+        session.listen = second = Counting()
+        session.preview([poster()]).__exit__()
+        [joined] = session.track([poster(opacity=0.5)])
+        assert Counter(first.seen) + Counter(second.seen) == {"track": FRAMES - 4, "track back": 5}
+        assert whole.track is not None
+        assert joined.track is not None
+        assert np.array_equal(whole.track.corners, joined.track.corners, equal_nan=True)
+        assert joined.opacity == 0.5
+
+        session.listen = Counting(session, stage, 3)
+        with pytest.raises(Stopped):
+            session.track([poster()])
+        session.listen = anew = Counting()
+        session.track([Surface(ad, Scene().quad + 1, start=Moment(frame=4))])
+        assert anew.seen.count("track") == FRAMES - 4
+        assert set(threading.enumerate()) <= before
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """What the page is told where something cannot be done: a status and one sentence."""
 
+import re
+
 
 class Refusal(Exception):
     """A request that is not fulfilled.
@@ -20,3 +22,9 @@ class Refusal(Exception):
         """As JSON can hold it."""
         field = {} if self.field is None else {"field": self.field}
         return {"error": self.message, **field, **self.extra}
+
+
+def on_page(message: str, advice: str) -> str:
+    """An error's sentence, with advice for the page where its own names an option of the command line."""
+    what, colon, own = message.rpartition(": ")
+    return f"{what}: {advice}" if colon and re.search(r"(^|[\s(])--?[a-z]", own) else message

@@ -26,16 +26,16 @@ from hdn.imaging.quads import check_quad
 from ..choices import CHOICES
 from ..cli.defaults import Defaults
 from ..cli.jobs import JobEntry, SurfaceEntry
-from ..errors import InputError
+from ..errors import InputError, Stopped
 from ..importing.loading import load_track
 from ..media import codecs
-from ..media.claims import write_whole
+from ..media.claims import check_name, write_whole
 from ..pipeline import beside, default_output
 from ..session import Session
 from ..surface import Surface
 from ..tracks import Track
 from .composites import Composites
-from .errors import Refusal
+from .errors import Refusal, on_page
 from .events import Events
 from .files import Files
 from .frames import Frames
@@ -115,6 +115,7 @@ class Project:
         self.events = Events()
         self._defaults, self._lock = defaults, RLock()
         self._tracks: dict[str, Kept] = {}
+        self._stopped: list[Any] = []  # what was tracked when somebody stopped it
         self._made: set[Path] = set()  # track files of this server
         self.outputs: dict[str, Path] = {}
         self._content = self._content_on_disk()
@@ -195,6 +196,7 @@ class Project:
                 "output": self.output.name,
                 "command": self._command(),
                 "task": None if self.tasks.last is None else self.tasks.last.content,
+                "can_go_on": bool(self._stopped) and self._stopped == self._places(),
             }
 
     def _surface_content(self, surface: SurfaceState) -> dict[str, Any]:
@@ -388,26 +390,33 @@ class Project:
             tracking = self._state.tracking
             given = [self._to_track(surface) for surface in surfaces]
             options = _checked("tracking.time", lambda: tracking.options(self._entry, self.folder))
+            places = self._places()
+        new = [number for number, surface in enumerate(given) if surface.track is None]
+        left = [[number] for number, surface in enumerate(given) if surface.keyframes and surface.track]
+        left = [new, *left] if new else left
 
         def work(task: Task) -> None:
-            found = list(given)
-            new = [number for number, surface in enumerate(given) if surface.track is None]
-            marked = [[number] for number, surface in enumerate(given) if surface.keyframes and surface.track]
-            for numbers in filter(None, [new, *marked]):
-                task.surfaces = numbers
-                for number, tracked in zip(
-                    numbers, self.session.track([given[n] for n in numbers], options), strict=True
-                ):
-                    found[number] = tracked
-            with self._lock:
-                for surface, before, after in zip(surfaces, given, found, strict=True):
-                    if after.track is not None and after.track is not before.track:
-                        self._take_track(surface, after.track, surface.place(tracking))
-                        task.warnings += after.track.warnings
-                task.warnings = list(dict.fromkeys(task.warnings))
-                self._changed()
+            self._stopped = []
+            while left:
+                task.surfaces = numbers = left[0]
+                try:
+                    tracked = self.session.track([given[n] for n in numbers], options)
+                except Stopped:
+                    self._stopped = places
+                    raise
+                with self._lock:
+                    for number, after in zip(numbers, tracked, strict=True):
+                        assert after.track is not None
+                        self._take_track(surfaces[number], after.track, surfaces[number].place(tracking))
+                        task.warnings = list(dict.fromkeys([*task.warnings, *after.track.warnings]))
+                    self._changed()
+                left.pop(0)
 
         return self.tasks.begin("track", work)
+
+    def _places(self) -> list[Any]:
+        """Where all surfaces are given to be, to be compared."""
+        return [(s.place(self._state.tracking), s.keyframes) for s in self._state.surfaces]
 
     def begin_rendering(self, name: str, overwrite: bool) -> Task:
         """Renders to a file beside the job file.
@@ -418,6 +427,10 @@ class Project:
         output = self.folder / name
         if output.name != name or name.startswith(".") or "\0" in name:
             raise Refusal(422, "give a file's name, as out.mp4", "name")
+        ads = [ad for surface in self._state.surfaces if (ad := self._ad(surface)) is not None]
+        if any(output.resolve() == path.resolve() for path in (self.video, self.job_file, *ads)):
+            raise Refusal(422, f"{name} is what this is made from: give another name", "name")
+        _checked("name", lambda: check_name(output, overwrite=True), "give another name")
         if output.exists() and not overwrite:
             raise Refusal(409, f"{name} is there already: replace it, or give another name", "name")
         with self._lock:
@@ -426,7 +439,7 @@ class Project:
                 raise Refusal(409, "there is no surface yet: set its four corners")
             rendering, end = self._state.rendering, self._state.tracking.options(self._entry, self.folder).end
             options = _checked("rendering", lambda: rendering.options(self._entry, overwrite=overwrite))
-            _checked("name", lambda: codecs.choose(output, options.codec))
+            _checked("name", lambda: codecs.choose(output, options.codec), "give another name, or another codec")
             if self._entry.output is UNSET or self._entry.output != name:
                 self._entry.output = name
                 self._changed()
@@ -572,11 +585,12 @@ def _parsed(path: Path, content: bytes) -> JobEntry:
         raise InputError(f"{path} is not as a job file must be ({error}): mend it, or move it away") from error
 
 
-def _checked(field: str, work: Callable[[], Any]) -> Any:
+def _checked(field: str, work: Callable[[], Any], advice: str = "change it here") -> Any:
+    """What the work gives; advice: where its error names an option of the command line."""
     try:
         return work()
     except InputError as error:
-        raise Refusal(422, str(error), field) from error
+        raise Refusal(422, on_page(str(error), advice), field) from error
 
 
 def _same_place(a: Place, b: Place) -> bool:

@@ -14,13 +14,17 @@ import numpy as np
 from ..errors import InputError, RunError, Stopped
 from ..progress import Progress
 from ..session import Session
-from .errors import Refusal
+from .errors import Refusal, on_page
 from .events import Event
 
 log = logging.getLogger(__name__)
 
 Kind = Literal["track", "render"]
 EVENT_SECONDS = 0.1  # between two of progress
+ADVICE = {
+    "track": "mark the surface in another frame, or give another part of the video",
+    "render": "change the name or the options here, and render again",
+}
 
 
 @dataclass
@@ -119,7 +123,7 @@ class Tasks:
         except Stopped:
             ended = "stopped", None
         except (InputError, RunError, OSError, Refusal) as error:
-            ended = "failed", f"{error}"
+            ended = "failed", on_page(str(error), ADVICE[task.kind])
         except Exception as error:  # ours to mend, but the page has to go on
             log.debug("unexpected", exc_info=True)
             ended = (

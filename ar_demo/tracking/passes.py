@@ -18,7 +18,7 @@ from ..media.reader import IndexDropped, VideoReader
 from ..media.threads import ahead
 from ..options import TrackingOptions
 from ..progress import Listener, Stage
-from ..stopping import StopSignal
+from ..stopping import Steps, StopSignal
 from ..surface import Keyframe, Surface
 from ..tracks import Source, Track
 from ..workers import Workers
@@ -82,7 +82,7 @@ class Target:
 
 
 class Passes:
-    """Tracks surfaces of one video.
+    """Tracks surfaces of one video, in steps of a frame each, between which it may rest.
 
     Attributes:
         cuts: indices of the frames found so far that begin another shot.
@@ -105,7 +105,7 @@ class Passes:
         self.cuts: set[int] = set()
         self.first = 0
 
-    def track(self, surfaces: Sequence[Surface]) -> list[Track]:
+    def track(self, surfaces: Sequence[Surface]) -> Steps[list[Track]]:
         """Tracks surfaces from their quads, in the frames that the options say.
 
         Returns:
@@ -118,24 +118,24 @@ class Passes:
         if any(surface.quad is None for surface in surfaces):
             raise InputError(NO_QUAD)
         try:
-            targets = self._tracked(surfaces)
+            targets = yield from self._tracked(surfaces)
         except (Undivided, IndexDropped) as error:
             if self.workers is None:
                 raise
             log.warning("%s: tracking it in one process instead", error)
             self.workers, self.cuts = None, set()
-            targets = self._tracked(surfaces)
+            targets = yield from self._tracked(surfaces)
         for target in targets:
             target.known.warnings = [*self.reader.warnings, *target.known.warnings]
             target.known.region = target.region
             tell(target.known)
         return [target.known for target in targets]
 
-    def _tracked(self, surfaces: Sequence[Surface]) -> list[Target]:
+    def _tracked(self, surfaces: Sequence[Surface]) -> Steps[list[Target]]:
         targets = self._targets(surfaces)
-        self._both_ways(targets)
-        self._recheck(targets)
-        self._again(targets)
+        yield from self._both_ways(targets)
+        yield from self._recheck(targets)
+        yield from self._again(targets)
         return targets
 
     def prepare(self, surfaces: Sequence[Surface]) -> tuple[list[int], int]:
@@ -148,7 +148,7 @@ class Passes:
             raise InputError(NO_QUAD)
         return [target.start for target in self._targets(surfaces)] if surfaces else [], self.first
 
-    def correct(self, track: Track, keyframes: Sequence[Keyframe]) -> Track:
+    def correct(self, track: Track, keyframes: Sequence[Keyframe]) -> Steps[Track]:
         """A track with keyframes put in: tracked anew next to the keyframes that are new to it; see `needs_correction`.
 
         From the keyframe or reference frame before such a one to that after it the surface is tracked anew, and solved
@@ -156,7 +156,6 @@ class Passes:
 
         Raises:
             InputError: a keyframe is not possible.
-            Stopped: somebody asked to.
         """
         track, n, start = deepcopy(track), len(track), track.reference_frame
         self.first = track.first
@@ -177,8 +176,8 @@ class Passes:
         self.cuts = set(track.cuts)
         if forward:
             first, last = forward[0].anchor, max(n - 1 if run.stop is None else run.stop for run in forward)
-            self._forward([target], [forward], first, last + 1, "track")
-        self._back([target], [forward], [back])
+            yield from self._forward([target], [forward], first, last + 1, "track")
+        yield from self._back([target], [forward], [back])
         track.cuts = sorted(self.cuts)
         solve(track, target.runs, self.options.smooth, anew)
         track.warnings = list(dict.fromkeys([*self.reader.warnings, *track.warnings]))
@@ -199,11 +198,11 @@ class Passes:
             targets.append(Target(tracker, quad, start, quad, keyframes, region=region, aim=aim))
         return targets
 
-    def _both_ways(self, targets: Sequence[Target], prefix: str = "") -> None:
+    def _both_ways(self, targets: Sequence[Target], prefix: str = "") -> Steps[None]:
         """Tracks forward and backward from the known poses, and fills the gaps from both of their ends."""
         first = min(min(target.given) for target in targets)
         forward = [forward_runs(target.given) for target in targets]
-        length = self._forward(targets, forward, first, None, prefix + "track")
+        length = yield from self._forward(targets, forward, first, None, prefix + "track")
         info, times = self.reader.info, self.reader.times[:length]
         path, mark = self.reader.given, self.reader.fingerprint(length)
         number = self.reader.first_number
@@ -211,12 +210,12 @@ class Passes:
         span = None if self.options.time is None else (self.first, length - 1)
         for target in targets:
             target.track = blank(source, target.start, target.quad, list(times), target.keyframes, span)
-        self._back(targets, forward, [backward_runs(target.given, self.first) for target in targets], prefix)
+        yield from self._back(targets, forward, [backward_runs(target.given, self.first) for target in targets], prefix)
         for target in targets:
             target.known.cuts = sorted(self.cuts)
             solve(target.known, target.runs, self.options.smooth)
 
-    def _recheck(self, targets: Sequence[Target]) -> None:
+    def _recheck(self, targets: Sequence[Target]) -> Steps[None]:
         """Goes both ways from a place that contradicts the track, or from where it leaps, through what that disproves.
 
         Either side may be wrong: a tracker follows what moves on in front of the surface at first, and loses it, and
@@ -237,15 +236,15 @@ class Passes:
             if not doubted:
                 return
             log.info("tracking both ways from a place that contradicts another")
-            self._sweep_back(targets, back, "check back")
+            yield from self._sweep_back(targets, back, "check back")
             if there := list(chain.from_iterable(forward)):
                 first, last = min(run.anchor for run in there), max(run.stop or 0 for run in there)
-                self._forward(targets, forward, first, last + 1, "check")
+                yield from self._forward(targets, forward, first, last + 1, "check")
             for target in doubted:
                 target.known.cuts = sorted(self.cuts)
                 solve(target.known, target.runs, self.options.smooth)
 
-    def _again(self, targets: Sequence[Target]) -> None:
+    def _again(self, targets: Sequence[Target]) -> Steps[None]:
         """Tracks again what is uncertain and is seen more clearly later on than at first, with a picture of that.
 
         It goes from the frame that shows the target best, whose pose was measured, and is no surer than that.
@@ -253,7 +252,7 @@ class Passes:
         old = [target for target in targets if is_uncertain(target.known) and isinstance(target.tracker, Tracker)]
         if not old:
             return
-        pictures = plane_pictures(self.reader, [target.known for target in old], self.listen, self.stop)
+        pictures = yield from plane_pictures(self.reader, [target.known for target in old], self.listen)
         better = [
             (target, picture)
             for target, picture in zip(old, pictures, strict=True)
@@ -263,7 +262,7 @@ class Passes:
         if not new:
             return
         log.info("tracking again, with a picture of what was seen more clearly than in the reference frame")
-        self._both_ways(new, "again: ")
+        yield from self._both_ways(new, "again: ")
         for (target, picture), other in zip(better, new, strict=True):
             for run in other.runs:
                 run.template_deviation = picture.deviation
@@ -282,7 +281,7 @@ class Passes:
 
     def _forward(
         self, targets: Sequence[Target], runs: Sequence[Sequence[Run]], first: int, stop: int | None, stage: str
-    ) -> int:
+    ) -> Steps[int]:
         """Shows the frames first to stop - 1, or to the end for None, to the surfaces' runs.
 
         Returns:
@@ -296,10 +295,8 @@ class Passes:
         followers = [target.follower(r) for target, r in zip(targets, runs, strict=True)]
         show = Stage(self.listen, stage, first if stop is None else 0, self._total(first, stop))
         with ahead(self.reader.frames(first, stop)) as read:
-            frames = self.stop.watch(read)
-            if stop is None:
-                frames = until(frames, self.options.last, self.reader.times[0])
-            return sweep(frames, followers, self.cuts, show)
+            frames = read if stop is not None else until(read, self.options.last, self.reader.times[0])
+            return (yield from sweep(frames, followers, self.cuts, show))
 
     def _total(self, first: int, stop: int | None) -> int | None:
         """Frames that a pass goes through, or all of the video's for one to the end, as far as that is known."""
@@ -346,13 +343,13 @@ class Passes:
 
     def _back(
         self, targets: Sequence[Target], forward: Sequence[list[Run]], back: Sequence[list[Run]], prefix: str = ""
-    ) -> None:
+    ) -> Steps[None]:
         """After the runs forward: those backward, and gaps that they or these leave, looked at from their other end."""
         for target, gone, runs in zip(targets, forward, back, strict=True):
             if gone and gone[-1].stop is None:
                 last = len(target.known) - 1
                 runs += gap_runs(fixes_of(target.runs, target.given), max(target.given), last, backward=True)
-        self._sweep_back(targets, back, prefix + "track back")
+        yield from self._sweep_back(targets, back, prefix + "track back")
         gaps = []
         for target, runs in zip(targets, back, strict=True):
             first = min(target.given)
@@ -361,9 +358,9 @@ class Passes:
             gaps.append(gap_runs(fixes, self.first, first, backward=False) if to_beginning else [])
         if stops := [run.stop or 0 for runs in gaps for run in runs]:
             first = min(run.anchor for runs in gaps for run in runs)
-            self._forward(targets, gaps, first, max(stops) + 1, prefix + "fill gaps")
+            yield from self._forward(targets, gaps, first, max(stops) + 1, prefix + "fill gaps")
 
-    def _sweep_back(self, targets: Sequence[Target], runs: Sequence[Sequence[Run]], stage: str) -> None:
+    def _sweep_back(self, targets: Sequence[Target], runs: Sequence[Sequence[Run]], stage: str) -> Steps[None]:
         """Shows the frames of the surfaces' backward runs to them, the last one first."""
         stretches = backward_stretches(chain.from_iterable(runs))
         if self.workers is not None:
@@ -375,4 +372,4 @@ class Passes:
         show = Stage(self.listen, stage, 0, sum(high + 1 - low for low, high in stretches))
         for low, high in stretches:
             with ahead(self.reader.backward(high + 1, low)) as frames:
-                sweep(self.stop.watch(frames), followers, self.cuts, show)
+                yield from sweep(frames, followers, self.cuts, show)

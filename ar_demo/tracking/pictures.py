@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..media.reader import VideoReader
 from ..media.threads import ahead
 from ..progress import Listener, Stage
-from ..stopping import StopSignal
+from ..stopping import Steps
 from ..tracks import Track
 
 log = logging.getLogger(__name__)
@@ -20,14 +20,11 @@ log = logging.getLogger(__name__)
 LOOKED_AT = 200  # frames, at most, that are looked at for a picture
 
 
-def plane_pictures(
-    reader: VideoReader, tracks: Sequence[Track], listen: Listener, stop: StopSignal
-) -> list[PlanePicture]:
+def plane_pictures(reader: VideoReader, tracks: Sequence[Track], listen: Listener) -> Steps[list[PlanePicture]]:
     """The pictures of the planes of tracked surfaces, in one go through the video.
 
     Raises:
         InputError: a reference frame cannot be decoded.
-        Stopped: somebody asked to.
     """
     builders = [_builder(reader, track) for track in tracks]
     chosen = [_worth_a_look(track) for track in tracks]
@@ -36,7 +33,7 @@ def plane_pictures(
         first, end = min(wanted), max(wanted) + 1
         show = Stage(listen, "look again", 0, len(wanted))
         with ahead(reader.frames(first, end, wanted)) as frames:
-            for frame in stop.watch(frames):
+            for frame in frames:
                 if not frame.damaged:
                     seen = Observation(frame.image)
                     for builder, track, indices in zip(builders, tracks, chosen, strict=True):
@@ -44,6 +41,7 @@ def plane_pictures(
                             corners, deviation = track.corners[frame.index], float(track.deviation[frame.index])
                             builder.offer(frame.index, seen, corners, deviation)
                 show(tuple(track.states[frame.index] for track in tracks), frame.image)
+                yield
     return [builder.build() for builder in builders]
 
 

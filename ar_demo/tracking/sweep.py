@@ -8,6 +8,7 @@ from hdn.imaging.homography import from_corners
 from hdn.state import State
 
 from ..media.reader import Frame
+from ..stopping import Steps
 from .cuts import CutDetector
 from .protocol import PlanarTracker
 from .runs import Run
@@ -64,7 +65,7 @@ class Follower:
         return self._next < len(self.runs) and self.runs[self._next].anchor == index
 
 
-def sweep(frames: Iterable[Frame], followers: Sequence[Follower], cuts: set[int], show: Show) -> int:
+def sweep(frames: Iterable[Frame], followers: Sequence[Follower], cuts: set[int], show: Show) -> Steps[int]:
     """Shows frames to all followers; each is decoded and prepared once.
 
     Args:
@@ -92,6 +93,7 @@ def sweep(frames: Iterable[Frame], followers: Sequence[Follower], cuts: set[int]
         show(
             states, frame.image, frame.index, tuple(None if follower is None else follower.corners for follower in now)
         )
+        yield
     return end + 1
 
 

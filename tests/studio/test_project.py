@@ -13,10 +13,12 @@ import pytest
 from ar_demo.cli.defaults import Defaults
 from ar_demo.cli.jobs import load_job
 from ar_demo.errors import InputError, RunError
+from ar_demo.progress import Progress
 from ar_demo.session import Session
 from ar_demo.studio.errors import Refusal
 from ar_demo.studio.project import Project
 from ar_demo.studio.state import LOOK, Change, SurfaceState
+from ar_demo.studio.tasks import Task
 from ar_demo.studio.workspace import Workspace
 from ar_demo.surface import Surface
 
@@ -308,17 +310,28 @@ def test_what_changes_while_it_is_tracked_is_kept(studio: Studio, monkeypatch: p
 
 @pytest.mark.usefixtures("shared_networks")
 def test_stops_and_goes_on(studio: Studio, monkeypatch: pytest.MonkeyPatch) -> None:
-    slow = Slow(monkeypatch)
+    tasks, seen = studio.project.tasks, list[int | None]()
+    listen = tasks._listen
+
+    def note(task: Task, event: Progress) -> None:
+        listen(task, event)
+        seen.append(event.frame)
+        if len(seen) == 5:
+            assert studio.post("/stop").status_code == 202
+
+    monkeypatch.setattr(tasks, "_listen", note)
     studio.put(surface={"quad": QUAD})
     studio.post("/track")
-    assert slow.begun.wait(20)
-    assert studio.post("/stop").status_code == 202
-    slow.may_go_on.set()
     assert studio.finish()["state"] == "stopped"
     assert studio.content["surfaces"][0]["track"] is None
     assert list(studio.folder.glob("*.track.json")) == []
+    assert studio.content["can_go_on"]
+    assert not studio.put(surface={"quad": (Scene().quad + 1).tolist()}).json()["can_go_on"]
+    assert studio.put(surface={"quad": QUAD, "opacity": 0.5}).json()["can_go_on"]
     assert studio.post("/track").status_code == 202
     assert studio.finish()["state"] == "done"
+    assert seen == [*range(FRAMES)], "each frame is tracked once"
+    assert not studio.content["can_go_on"]
 
 
 @pytest.mark.usefixtures("shared_networks")

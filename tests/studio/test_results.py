@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ar_demo.cli import commands, entry
+from ar_demo.errors import RunError
 from ar_demo.media.reader import VideoReader
 from ar_demo.studio.pictures import from_jpeg
 from ar_demo.surface import Surface
@@ -113,14 +114,25 @@ def test_names_that_cannot_be_rendered_to(tracked: Studio) -> None:
     def there() -> dict[str, float]:
         return {p.name: p.stat().st_mtime for p in tracked.folder.parent.rglob("*.*") if p.suffix != ".json"}
 
-    before = there()
-    for name in ("../out.mp4", "/tmp/out.mp4", "", ".mp4", "out.xyz", "a/b.mp4", "..", "shots/../out.mp4"):
+    (tracked.folder / "folder.mp4").mkdir()
+    before, job = there(), (tracked.folder / "street.job.json").read_bytes()
+    names = ["../out.mp4", "/tmp/out.mp4", "", ".mp4", "out.xyz", "a/b.mp4", "..", "shots/../out.mp4"]
+    for name in [*names, "street.mp4", "ad.png", "folder.mp4", f"{'n' * 300}.mp4"]:
         answer = tracked.post("/render", {"name": name, "overwrite": True})
         assert (answer.status_code, answer.json()["field"]) == (422, "name"), name
-    assert tracked.post("/render", {"name": "street.mp4", "overwrite": True}).status_code == 202
-    assert tracked.finish()["state"] == "failed"
-    assert "is an input as well" in tracked.content["task"]["error"]
+        assert " -" not in answer.json()["error"], "options of the command line are not on the page"
     assert there() == before
+    assert (tracked.folder / "street.job.json").read_bytes() == job
+
+
+def test_a_rendering_that_fails_says_what_to_do_on_the_page(tracked: Studio, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any) -> None:
+        raise RunError("the disk is full: choose another output with -o")
+
+    monkeypatch.setattr(tracked.project.session, "render", fail)
+    tracked.post("/render", {"name": "out.mp4"})
+    assert tracked.finish()["state"] == "failed"
+    assert tracked.content["task"]["error"] == "the disk is full: change the name or the options here, and render again"
 
 
 def test_rendering_waits_for_tracks_and_ads(studio: Studio, shared_networks: None) -> None:

@@ -184,8 +184,8 @@ export class Document {
   private take(answer: Project, sent: Doc): void {
     const keys = sent.surfaces.map((s) => s.key);
     if (!this.unsaved) return this.adopt(answer, keys);
-    const { revision, command, job_file } = answer;
-    Object.assign(this.project, { revision, command, job_file });
+    const { revision, command, job_file, can_go_on } = answer;
+    Object.assign(this.project, { revision, command, job_file, can_go_on });
     this.newest = Math.max(this.newest, revision);
     answer.surfaces.forEach((surface, i) => this.tracks.set(keys[i], surface.track));
     for (const surface of this.project.surfaces) surface.track = this.tracks.get(surface.key) ?? surface.track;

@@ -118,6 +118,8 @@ export interface Project extends Doc {
   output: string;
   job_file: string;
   task: Task | null;
+  /** Whether tracking was stopped, and goes on where it was. */
+  can_go_on: boolean;
 }
 
 /** A surface through the video; arrays have an entry for each frame. */

@@ -545,7 +545,7 @@ export class Studio {
       this.cameFrom = null;
     }
     if (task.kind === "render") await this.readOutputs();
-    if (task.state === "stopped") this.say("Stopped: nothing was changed.");
+    if (task.state === "stopped") this.say(this.project.can_go_on ? "Stopped: it can go on from here." : "Stopped: nothing was written.");
     this.changed();
   }
 }

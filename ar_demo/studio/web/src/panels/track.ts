@@ -36,7 +36,9 @@ export function track(studio: Studio) {
             })}`
         : surface.track && known
           ? summary(studio, surface, known)
-          : html`<h2>Not tracked yet</h2>
+          : studio.project.can_go_on
+            ? html`<h2>Stopped</h2><p>What was tracked is kept: tracking goes on from there, unless a surface is changed.</p>`
+            : html`<h2>Not tracked yet</h2>
               <p>${markable ? "The surface is followed through the whole video." : "First mark the surface, in step 1."}</p>`}
       ${failure(studio.errors.track)}
     </div>
@@ -46,7 +48,7 @@ export function track(studio: Studio) {
       : html`<div class="foot">
           ${untracked
             ? html`<button class="primary wide" type="button" ?disabled=${!markable || studio.isBusy} @click=${() => void studio.track()}>
-                ${surface.track ? "Track again" : "Track"}
+                ${studio.project.can_go_on ? "Go on tracking" : surface.track ? "Track again" : "Track"}
               </button>`
             : html`<button class="primary wide" type="button" @click=${() => studio.go("look")}>Next: look at it</button>`}
         </div>`}
