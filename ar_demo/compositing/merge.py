@@ -6,6 +6,7 @@ layer is laid on as it is. On HDR it is laid in light.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import cast
 
 import cv2
 import numpy as np
@@ -81,32 +82,34 @@ def blurred_layer(layer: Layer, covariance: Array, frame_shape: tuple[int, int])
     """A layer blurred by a covariance (2, 2), px^2, colour and alpha alike; it grows by the blur's reach."""
     if np.linalg.eigvalsh(covariance).max() <= BLUR.least_variance:
         return layer
-    fine = covariance[0, 0] if np.ptp(np.linalg.eigvalsh(covariance)) < BLUR.least_variance else np.inf
-    if fine <= BLUR.fine_variance:
-        return _softened(layer, float(fine), frame_shape)
+    if np.ptp(np.linalg.eigvalsh(covariance)) < BLUR.least_variance:
+        return _softened(layer, float(covariance[0, 0]), frame_shape)
     reach = int(np.ceil(BLUR.reach * np.sqrt(np.linalg.eigvalsh(covariance).max())))
     box, rgba = _enlarged(layer, reach, frame_shape)
-    return Layer(box, blurred(rgba, covariance + BLUR.added_variance * np.eye(2)))
+    return Layer(box, blurred(in_float(rgba), covariance + BLUR.added_variance * np.eye(2)))
 
 
 def _softened(layer: Layer, variance: float, frame_shape: tuple[int, int]) -> Layer:
-    """A layer blurred within a pixel and its neighbours, by a kernel of this variance, px^2."""
-    box, rgba = _enlarged(layer, 1, frame_shape)
-    kernel = np.array([variance / 2, 1 - variance, variance / 2], np.float32)
-    return Layer(
-        box, np.asarray(cv2.sepFilter2D(rgba, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
-    )
+    """A layer blurred alike in all directions, px^2; up to `fine_variance` within a pixel and its neighbours."""
+    if variance <= BLUR.fine_variance:
+        kernel = np.array([variance / 2, 1 - variance, variance / 2], np.float32)
+    else:
+        reach = int(np.ceil(BLUR.reach * np.sqrt(variance)))
+        kernel = np.exp(np.square(np.arange(-reach, reach + 1.0)) / (-2 * (variance + BLUR.added_variance)))
+        kernel = (kernel / kernel.sum()).astype(np.float32)
+    box, rgba = _enlarged(layer, len(kernel) // 2, frame_shape)
+    soft = cv2.sepFilter2D(rgba, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE)
+    return Layer(box, cast("Image | Floats", soft))
 
 
-def _enlarged(layer: Layer, reach: int, frame_shape: tuple[int, int]) -> tuple[Box, Floats]:
-    """A layer's box and premultiplied RGBA, 0..1, with so many px more to each side, within the frame."""
+def _enlarged(layer: Layer, reach: int, frame_shape: tuple[int, int]) -> tuple[Box, Image | Floats]:
+    """A layer's box and premultiplied RGBA with so many px more to each side, within the frame."""
     rows, columns = layer.box
     top, left = max(rows.start - reach, 0), max(columns.start - reach, 0)
     bottom, right = min(rows.stop + reach, frame_shape[0]), min(columns.stop + reach, frame_shape[1])
-    rgba = np.zeros((bottom - top, right - left, 4), np.float32)
-    inner = rgba[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
-    inner[:] = in_float(layer.rgba)
-    return as_box(left, top, right, bottom), rgba
+    sides = rows.start - top, bottom - rows.stop, columns.start - left, right - columns.stop
+    rgba = cv2.copyMakeBorder(layer.rgba, *sides, cv2.BORDER_CONSTANT, value=(0, 0, 0, 0))
+    return as_box(left, top, right, bottom), cast("Image | Floats", rgba)
 
 
 def _tiles(layer: Layer) -> Iterator[tuple[Box, Image | Floats]]:

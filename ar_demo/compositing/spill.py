@@ -10,10 +10,12 @@ import cv2
 import numpy as np
 
 from hdn.imaging.arrays import Array, Mask
-from hdn.imaging.homography import from_corners, translation
+from hdn.imaging.homography import from_corners, transform
 
 from ..scene.occlusion import Occluder
 from .layer import Frame, Layer, in_float, peak
+
+REMAP_SIDE = 1024  # pixels in a row of those that are looked up: OpenCV takes rows below 32768
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,7 @@ class SpillModel:
         1.5  # of the frame, into and out of the surface, where its colour and the background's are looked up,
     )
     aside_deviations: float = 2.0  # and so many standard deviations of the edge's blur farther
+    covered: tuple[float, float] = (0.021, 0.979)  # share of a pixel, from which and up to which it is mixed
     hidden_share: float = 0.02  # of a pixel, that an occluder takes, from which it counts
     beyond: float = 0.04  # of white, by which a background may differ from what is seen there and farther out
 
@@ -40,36 +43,42 @@ def without_spill(frame: Frame, layer: Layer, pose: Array, variance: float, occl
         variance: of the blur of its edge, px^2.
         occluder: what hides the surface, where nothing is done.
     """
-    alpha = in_float(layer.rgba[..., 3])
-    touched = (alpha > 0.02) & (alpha < 0.98) & ~_near(occluder, layer, frame.shape[:2])
-    if not touched.any():
+    alpha = cv2.extractChannel(layer.rgba, 3)
+    least, most = (share * peak(alpha.dtype) for share in MODEL.covered)
+    touched = cv2.inRange(alpha, least, most)
+    if occluder is not None:
+        touched[_near(occluder, layer, frame.shape[:2])] = 0
+    places = cv2.findNonZero(touched)
+    if places is None:
         return
+    columns, rows = np.asarray(places).reshape(-1, 2).T
     aside = MODEL.aside_px + MODEL.aside_deviations * float(np.sqrt(max(variance, 0.0)))
-    inner, outer = (_looked_up(frame, layer, pose, by) for by in (-aside, aside))
+    at = np.stack([columns + layer.box[1].start, rows + layer.box[0].start], 1)
+    inner, outer = (_looked_up(frame, at, pose, by) for by in (-aside, aside))
     part, white = frame[layer.box], peak(frame.dtype)
-    seen, surface, far = (x[touched].astype(np.float32) / white for x in (part, inner, outer))
-    share = alpha[touched][:, None]
+    seen, surface, far = (x.astype(np.float32) / white for x in (part[rows, columns], inner, outer))
+    share = in_float(alpha[rows, columns])[:, None]
     behind = (seen - share * surface) / (1 - share)
     # An edge that is not quite where it is taken to be must not leave a line of the opposite colour.
     low, high = np.minimum(seen, far) - MODEL.beyond, np.maximum(seen, far) + MODEL.beyond
-    part[touched] = (np.clip(behind, np.maximum(low, 0), np.minimum(high, 1)) * white + 0.5).astype(part.dtype)
+    part[rows, columns] = (np.clip(behind, np.maximum(low, 0), np.minimum(high, 1)) * white + 0.5).astype(part.dtype)
 
 
-def _near(occluder: Occluder | None, layer: Layer, shape: tuple[int, ...]) -> Mask:
+def _near(occluder: Occluder, layer: Layer, shape: tuple[int, ...]) -> Mask:
     """The pixels of a layer's box that an occluder takes, and some beside them."""
     hidden = np.zeros(shape, np.uint8)
-    if occluder is not None:
-        hidden[occluder.box] = occluder.share[..., 0] > MODEL.hidden_share
+    hidden[occluder.box] = occluder.share[..., 0] > MODEL.hidden_share
     return np.asarray(cv2.dilate(hidden[layer.box], np.ones((7, 7), np.uint8)) > 0)
 
 
-def _looked_up(frame: Frame, layer: Layer, pose: Array, by: float) -> Frame:
-    """The frame in the layer's box, each pixel at an edge from so many px farther out."""
+def _looked_up(frame: Frame, at: Array, pose: Array, by: float) -> Frame:
+    """The frame (n, 3) as it is so many px farther out than pixels (n, 2) at an edge."""
     away = pose - pose.mean(0)
     sides = np.linalg.norm(np.roll(pose, -1, 0) - pose, axis=1)
     grown = pose.mean(0) + away * (1 + 2 * by / max(float(sides.min()), 1.0))
-    rows, columns = layer.box
-    to_frame = from_corners(pose, grown) @ translation(columns.start, rows.start)
-    size = columns.stop - columns.start, rows.stop - rows.start
-    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    return np.asarray(cv2.warpPerspective(frame, to_frame, size, flags=how, borderMode=cv2.BORDER_REPLICATE))
+    places = transform(from_corners(pose, grown), at).astype(np.float32)
+    count = len(places)
+    rows = -(-count // REMAP_SIDE)
+    map_xy = np.resize(places, (rows * REMAP_SIDE, 2)).reshape(rows, REMAP_SIDE, 2)
+    found = cv2.remap(frame, map_xy, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(found.reshape(-1, 3)[:count])

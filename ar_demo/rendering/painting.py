@@ -1,5 +1,6 @@
 """What belongs on one surface: its ad, or effect, lit as the surface is, drawn as a layer, and merged into frames."""
 
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from fractions import Fraction
@@ -7,14 +8,14 @@ from fractions import Fraction
 import cv2
 import numpy as np
 
-from hdn.imaging.arrays import Array, Box, Floats, Grey, Picture
+from hdn.imaging.arrays import Array, Box, Floats, Grey, Image, Picture
 from hdn.imaging.homography import from_corners
 from hdn.imaging.quads import mean_size, outline
 
 from ..compositing.compositor import Compositor
 from ..compositing.effects import outlined, texture
 from ..compositing.fit import fit_region, quad_aspect
-from ..compositing.layer import Frame, Layer, in_float
+from ..compositing.layer import Frame, Layer, in_float, peak
 from ..compositing.merge import blurred_layer, merge
 from ..compositing.raster import WHOLE
 from ..compositing.spill import without_spill
@@ -36,7 +37,7 @@ class LightingModel:
     """When a picture is lit anew."""
 
     same_light: float = 0.004  # share of white's grey level, by which light may differ without that
-    rows: int = 64  # that are lit at a time: they fit the cache
+    pixels: int = 32768  # that are worked on at a time: they fit the cache
 
 
 LIGHTING = LightingModel()
@@ -71,7 +72,7 @@ class Painter(AbstractContextManager["Painter"]):
             inner = inset_pose(quad, self._size, surface.inset)
             self._region = fit_region(surface.fit, self._ad.width / self._ad.height, quad_aspect(inner, size))
         self._opaque = False  # whether the last picture was
-        self._lit: tuple[Picture, Light, Floats] | None = None  # a picture, a light, and the picture in this light
+        self._lit: tuple[Picture, Light, Picture] | None = None  # a picture, a light, and the picture in this light
 
     def draw(
         self,
@@ -100,13 +101,16 @@ class Painter(AbstractContextManager["Painter"]):
             return None
         # In all other modes the surface's colours, which have the light on them already, are part of what is seen.
         light = conditions.light if conditions and self.surface.blend == "normal" else None
-        layer = self.layer(image, pose, time, light)
+        deep = image.dtype != np.uint8
+        layer = self.layer(image, pose, time, light, deep)
         if layer is None:
             return None
         if self.surface.effect in ("mosaic", "blur"):
             hdr = None  # they are made of the frame's own samples
         occluder = None
         if conditions is not None:
+            if deep:
+                layer = Layer(layer.box, in_float(layer.rgba))
             layer, occluder = self._as_seen(layer, pose, conditions, image.shape[:2]), conditions.occluder
             if self._fills_the_surface and hdr is None:
                 without_spill(image, layer, pose, float(np.trace(conditions.blur)) / 2, occluder)
@@ -119,8 +123,13 @@ class Painter(AbstractContextManager["Painter"]):
         whole = surface.fit != "contain" and not (surface.inset or surface.radius or surface.feather)
         return self._opaque and whole and surface.blend == "normal" and surface.opacity == 1
 
-    def layer(self, image: Frame, pose: Array, time: Fraction, light: Light | None = None) -> Layer | None:
-        """What is to be laid on a frame (H, W, 3); None where there is nothing to see. See `draw`."""
+    def layer(
+        self, image: Frame, pose: Array, time: Fraction, light: Light | None = None, deep: bool = False
+    ) -> Layer | None:
+        """What is to be laid on a frame (H, W, 3); None where there is nothing to see. See `draw`.
+
+        Args: deep: whether 8 bits are too few for an ad in a light.
+        """
         size = image.shape[1], image.shape[0]
         if self.surface.effect == "outline":
             return outlined(pose, size)
@@ -133,7 +142,7 @@ class Painter(AbstractContextManager["Painter"]):
             return None
         self._opaque = picture.shape[2] == 3
         if light is not None:
-            picture = self._in_light(picture, pose, light)
+            picture = self._in_light(picture, pose, light, deep)
         layer = self._compositor.draw(picture, inner, size, self._region, self.surface.feather)
         return self._rounded(layer, inner)
 
@@ -152,7 +161,7 @@ class Painter(AbstractContextManager["Painter"]):
             return layer
         return grained(layer, conditions.grain)
 
-    def _in_light(self, picture: Picture, pose: Array, light: Light) -> Picture:
+    def _in_light(self, picture: Picture, pose: Array, light: Light, deep: bool) -> Picture:
         """A picture (h, w, 3 or 4) in a light over the surface; the same array as before for much the same light.
 
         It has no more pixels than are shown, about.
@@ -169,7 +178,7 @@ class Painter(AbstractContextManager["Painter"]):
         small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA) if shrink > 1 else picture
         corners = np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1]]) * size - 0.5
         grid_to_picture = from_corners(outline(GRID, GRID), corners)
-        self._lit = picture, light, lit(small, light.over(grid_to_picture, size))
+        self._lit = picture, light, lit(small, light.over(grid_to_picture, size), deep)
         return self._lit[2]
 
     def close(self) -> None:
@@ -183,29 +192,49 @@ class Painter(AbstractContextManager["Painter"]):
 
 def grained(layer: Layer, grain: Grain) -> Layer:
     """A layer with grain on it."""
-    rgba = in_float(layer.rgba)
-    colour, alpha = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), cv2.extractChannel(rgba, 3)
-    each = cv2.cvtColor(alpha, cv2.COLOR_GRAY2RGB)
-    noise = cv2.multiply(grain.on(colour), each)
-    cv2.add(colour, noise, dst=colour)
-    cv2.min(cv2.max(colour, 0.0, dst=colour), each, dst=colour)
-    out = np.empty_like(rgba)
-    cv2.mixChannels([colour, alpha], [out], [0, 0, 1, 1, 2, 2, 3, 3])
+    out = np.empty_like(layer.rgba)
+    for rows in _bands(layer.rgba):
+        rgba = layer.rgba[rows]
+        colour, alpha = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), cv2.extractChannel(rgba, 3)
+        noise = grain.on(colour, rows.start)
+        if alpha.min() < peak(alpha.dtype):
+            each = cv2.cvtColor(alpha, cv2.COLOR_GRAY2RGB)
+            noise = cv2.multiply(noise, each, scale=1 / peak(alpha.dtype), dtype=cv2.CV_32F)
+            cv2.add(colour, noise, dst=colour, dtype=cv2.CV_8U if colour.dtype == np.uint8 else cv2.CV_32F)
+            cv2.min(cv2.max(colour, 0.0, dst=colour), each, dst=colour)
+        else:
+            cv2.add(colour, noise, dst=colour, dtype=cv2.CV_8U if colour.dtype == np.uint8 else cv2.CV_32F)
+            if colour.dtype != np.uint8:
+                np.clip(colour, 0, 1, out=colour)
+        cv2.mixChannels([colour, alpha], [out[rows]], [0, 0, 1, 1, 2, 2, 3, 3])
     return Layer(layer.box, out)
 
 
-def lit(picture: Picture, light: Light) -> Floats:
-    """A picture (h, w, 3 or 4) in the light on each of its pixels, 0..1: what would be brighter than white is white."""
-    out = np.empty(picture.shape, np.float32)
-    for top in range(0, len(picture), LIGHTING.rows):
-        rows = slice(top, top + LIGHTING.rows)
+def lit(picture: Picture, light: Light, deep: bool = True) -> Image | Floats:
+    """A picture (h, w, 3 or 4) in the light on each of its pixels: what would be brighter than white is white.
+
+    Args: deep: whether it comes as 0..1 in float, else, as the picture, in 8 bits.
+    """
+    out = np.empty(picture.shape, np.float32 if deep else np.uint8)
+    for rows in _bands(picture):
         # Light is laid on grey levels of 8 bit.
         levels = picture[rows] if picture.dtype == np.uint8 else in_float(picture[rows]) * np.float32(255)
         shown = Light(light.gain[rows], light.gloss[rows]).on(np.ascontiguousarray(levels[..., :3]))
-        np.minimum(shown * np.float32(1 / 255), 1, out=out[rows, :, :3])
+        if deep:
+            np.minimum(shown * np.float32(1 / 255), 1, out=out[rows, :, :3])
+        else:
+            out[rows, :, :3] = cv2.convertScaleAbs(shown)
     if picture.shape[2] == 4:
-        out[..., 3] = in_float(picture[..., 3])
+        alpha = picture[..., 3]
+        out[..., 3] = in_float(alpha) if deep else alpha
     return out
+
+
+def _bands(picture: Picture) -> Iterator[slice]:
+    """The rows of a picture (h, w, ...), some at a time."""
+    step = max(LIGHTING.pixels // picture.shape[1], 1)
+    for top in range(0, len(picture), step):
+        yield slice(top, min(top + step, len(picture)))
 
 
 def check_ad(surface: Surface) -> None:

@@ -6,7 +6,7 @@ that of the sensor, and what a codec left of it or put in its place.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 
 import cv2
 import numpy as np
@@ -54,28 +54,38 @@ class Grain:
     softness: int
     number: int
 
-    def on(self, picture: Floats) -> Floats:
-        """Noise (h, w, 3) for a picture (h, w, 3), both of 0..1."""
+    def on(self, picture: Image | Floats, first_row: int = 0) -> Floats:
+        """Noise (h, w, 3) for a picture (h, w, 3), both of 0..1, or of 0..255 where the picture has 8 bits.
+
+        Args: first_row: of a larger picture, of which this one is some rows.
+        """
         height, width = picture.shape[:2]
         noise = np.empty((height, width, 3), np.float32)
-        top, left = np.random.default_rng(self.number).integers(0, MODEL.tile_px, 2).tolist()
-        tile = _tile(self.softness)
-        for rows, tile_rows in _repeats(top, height):
+        (top, left), tile = self._begin, _tile(self.softness)
+        for rows, tile_rows in _repeats(top + first_row, height):
             for columns, tile_columns in _repeats(left, width):
                 noise[rows, columns] = cv2.transform(tile[tile_rows, tile_columns], self.colour)
-        strength = cv2.LUT(self._brightness(picture), self._strengths)
+        in_grey = picture.dtype == np.uint8
+        strength = cv2.LUT(self._brightness(picture), self._strengths * np.float32(255 if in_grey else 1))
         return np.asarray(cv2.multiply(noise, cv2.cvtColor(strength, cv2.COLOR_GRAY2RGB), dst=noise), np.float32)
 
-    @property
+    @cached_property
+    def _begin(self) -> tuple[int, int]:
+        """The pixel of the stock of noise, row and column, that lies on the first one."""
+        top, left = np.random.default_rng(self.number).integers(0, MODEL.tile_px, 2).tolist()
+        return top, left
+
+    @cached_property
     def _strengths(self) -> Floats:
         """(256,) the deviation by brightness, 0..1."""
         levels = np.linspace(0, MODEL.bins - 1, 256)
         return np.interp(levels, np.arange(MODEL.bins), self.deviation / 255).astype(np.float32)
 
     @staticmethod
-    def _brightness(picture: Floats) -> Image:
-        """The mean (h, w) of a picture's channels (h, w, 3), from 0..1 to 0..255."""
-        return cv2.convertScaleAbs(cv2.transform(picture, np.full((1, 3), 1 / 3, np.float32)), alpha=255)
+    def _brightness(picture: Image | Floats) -> Image:
+        """The mean (h, w) of a picture's channels (h, w, 3), 0..255."""
+        mean = cv2.transform(picture, np.full((1, 3), 1 / 3, np.float32))
+        return np.asarray(mean if mean.dtype == np.uint8 else cv2.convertScaleAbs(mean, alpha=255), np.uint8)
 
 
 def _repeats(begin: int, length: int) -> Iterator[tuple[slice, slice]]:

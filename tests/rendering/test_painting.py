@@ -118,6 +118,15 @@ def test_lit_pictures_are_within_white_and_keep_their_alpha(dtype: type, channel
     assert bright[..., 3:] == pytest.approx(0.8, abs=0.003)
 
 
+def test_a_picture_lit_in_8_bits_is_that_in_float_rounded() -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (300, 200, 4), np.uint8)
+    gain = np.linspace(0.3, 1.6, 200, dtype=np.float32)[None, :, None] * np.ones((300, 1, 3), np.float32)
+    light = Light(gain, np.full((300, 200), 0.05, np.float32))
+    shallow, deep = (lit(picture, light, deep) for deep in (False, True))
+    assert shallow.dtype == np.uint8
+    assert np.abs(shallow - 255 * deep).max() < 0.51
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("effect", ["mosaic", "blur", "outline"])
 def test_effects_are_layers_too(compositor: Compositor, effect: str, dtype: type) -> None:

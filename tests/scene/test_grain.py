@@ -71,3 +71,16 @@ def test_grain_stays_within_the_layer(tmp_path: Path) -> None:
     assert (layer.rgba[0] == 0).all()
     assert layer.rgba[5:15, 5:15, 0].std() > 0.01
     assert (layer.rgba[..., :3] <= layer.rgba[..., 3:]).all()
+
+
+def test_grain_in_8_bits_is_that_in_float() -> None:
+    rng = np.random.default_rng(2)
+    rgba = np.dstack([rng.integers(0, 200, (300, 400, 3)), np.full((300, 400), 255)]).astype(np.uint8)
+    rgba[:, :50] //= 2  # partly covered
+    grain = Grain(np.full(8, 6, np.float32), np.eye(3, dtype=np.float32), 1, 5)
+    box = as_box(0, 0, 400, 300)
+    shallow, deep = grained(Layer(box, rgba), grain), grained(Layer(box, rgba / np.float32(255)), grain)
+    assert shallow.rgba.dtype == np.uint8
+    difference = np.abs(shallow.rgba - 255 * deep.rgba)
+    assert difference.max() < 1.01
+    assert difference.mean() < 0.3
