@@ -56,6 +56,12 @@ class Asked(msgspec.Struct):
     frame: int
 
 
+class Pictured(msgspec.Struct):
+    """A picture of a surface, by its file's id."""
+
+    picture: str
+
+
 class Wanted(msgspec.Struct):
     """A file to render, by its name, beside the job file."""
 
@@ -82,6 +88,7 @@ def application(workspace: Workspace, admission: Admission) -> Starlette:
         Route("/api/projects/{project}/surfaces/{surface:int}/track", api.track),
         Route("/api/projects/{project}/snap", api.snap, methods=["POST"]),
         Route("/api/projects/{project}/proposals", api.proposals, methods=["POST"]),
+        Route("/api/projects/{project}/find", api.begin_finding, methods=["POST"]),
         Route("/api/projects/{project}/track", api.begin_tracking, methods=["POST"]),
         Route("/api/projects/{project}/render", api.begin_rendering, methods=["POST"]),
         Route("/api/projects/{project}/stop", api.stop, methods=["POST"]),
@@ -162,15 +169,24 @@ class _Api:
         return JSONResponse(await run_sync(lambda: project.content))
 
     async def frame(self, request: Request) -> Response:
+        """A frame; with `near` the nearest that is had in a moment, with `rough` one that costs little."""
         project, index = self._project(request), int(request.path_params["frame"])
-        data = await run_sync(project.frames.picture, index, _height(request))
+        frames, height, query = project.frames, _height(request), request.query_params
+        data: bytes | None
+        if "rough" in query:
+            shown, data = await run_sync(frames.rough, index, height)
+        elif (near := query.get("near")) is not None:
+            known = int(near) if near.isdecimal() else None
+            shown, data = await run_sync(frames.near, index, height, known)
+        else:
+            shown, data = index, await run_sync(frames.picture, index, height)
         times = project.session.reader.times
         headers = {
-            "cache-control": FOREVER,
-            "x-frame": str(index),
-            "x-time": f"{float(times[index] - times[0]):.6f}",
+            "cache-control": FOREVER if shown == index else "no-store",
+            "x-frame": str(shown),
+            "x-time": f"{float(times[shown] - times[0]):.6f}",
         }
-        return Response(data, media_type="image/jpeg", headers=headers)
+        return Response(data, 202 if data is None else 200, media_type="image/jpeg", headers=headers)
 
     async def composite(self, request: Request) -> Response:
         project, index = self._project(request), int(request.path_params["frame"])
@@ -199,6 +215,11 @@ class _Api:
     async def proposals(self, request: Request) -> Response:
         project, asked = self._project(request), await _body(request, Asked)
         return JSONResponse(await run_sync(project.proposals, asked.frame))
+
+    async def begin_finding(self, request: Request) -> Response:
+        project, asked = self._project(request), await _body(request, Pictured)
+        task = await run_sync(project.begin_finding, asked.picture)
+        return JSONResponse(task.content, 202)
 
     async def begin_tracking(self, request: Request) -> Response:
         task = await run_sync(self._project(request).begin_tracking)

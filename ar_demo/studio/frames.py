@@ -3,10 +3,12 @@
 One thread decodes, forward from where it stands or from the key frame before. What comes by is kept as JPEGs in a
 temporary file, so that each frame is decoded about once: those that are asked for, then those that lie in the direction
 of scrubbing, then, while nothing is asked for, all others. After that even the last frame of a long group of pictures
-takes no longer than reading it.
+takes no longer than reading it. Until then whoever jumps into one is shown the nearest frame that is kept: at least the
+key frame before it is.
 """
 
 import logging
+import math
 import os
 import shutil
 import tempfile
@@ -26,7 +28,7 @@ from hdn.imaging.arrays import Image
 
 from ..media.reader import Frame, IndexDropped, VideoReader
 from .errors import Refusal
-from .pictures import from_jpeg, jpeg, scaled
+from .pictures import from_jpeg, jpeg, scaled, smaller
 
 log = logging.getLogger(__name__)
 
@@ -48,6 +50,8 @@ class FramesModel:
     ahead_frames: int = 48  # that are decoded before they are asked for
     skip_frames: int = 12  # from which on a key frame on the way is gone to
     idle_seconds: float = 0.3  # without a request, after which all other frames are decoded
+    patience_seconds: float = 0.1  # after which the nearest frame is shown
+    renewal_seconds: float = 1.0  # within which a frame has to be asked for again, or it is not decoded
 
 
 MODEL = FramesModel()
@@ -119,6 +123,10 @@ class Pile:
         self._places[key] = self._end, len(data)
         self._end += len(data)
 
+    def nearest(self, key: int) -> int | None:
+        """The key of a piece that is nearest to this one; None where there is none."""
+        return min(list(self._places), key=lambda other: abs(other - key), default=None)
+
     def get(self, key: int) -> bytes | None:
         place = self._places.get(key)
         return None if place is None else os.pread(self._file.fileno(), place[1], place[0])
@@ -141,6 +149,14 @@ class _Those(Container[int]):
         return isinstance(index, int) and self._has(index)
 
 
+@dataclass
+class _Wanted:
+    """A frame that is waited for, until when (`time.monotonic`)."""
+
+    future: Future[Image]
+    until: float
+
+
 class Frames(AbstractContextManager["Frames"]):
     """The frames of a video, for as long as it is open. Its methods may be called from any thread."""
 
@@ -151,13 +167,14 @@ class Frames(AbstractContextManager["Frames"]):
         self._small: Bounded[bytes] = Bounded(model.memory_bytes)
         self._whole: Bounded[Image] = Bounded(model.whole_bytes)
         self._changed = Condition()
-        self._waiting: dict[int, Future[Image]] = {}
+        self._waiting: dict[int, _Wanted] = {}
         self._asked: deque[int] = deque(maxlen=2)  # the latest frames that were asked for
         self._asked_at = 0.0
         self._missing: set[int] = set()  # frames that cannot be decoded
         self._filled = 0  # all before it are kept
         self._at = -1  # the frame that the iteration gives next
         self._heading = -1  # the frame that is decoded towards
+        self._entered = -1  # the frame that the iteration began with
         self._iteration: Iterator[Frame] | None = None
         self._is_paused = self._is_closed = False
         self._thread = Thread(target=self._work, name="frames", daemon=True)
@@ -192,6 +209,9 @@ class Frames(AbstractContextManager["Frames"]):
             Refusal: there is no such frame.
         """
         self._ask(index)
+        return self._picture(index, height)
+
+    def _picture(self, index: int, height: int | None) -> bytes:
         height = None if height is None or height >= self._reader.info.height else height
         key = index, height
         if (small := self._small.get(key)) is not None:
@@ -201,35 +221,91 @@ class Frames(AbstractContextManager["Frames"]):
         if data is not None and height in (None, kept_height) and kept_height == self._reader.info.height:
             return data
         if data is not None and height is not None and height <= kept_height:
-            picture = jpeg(scaled(from_jpeg(data), height))
+            picture = smaller(data, height)
         else:
             picture = jpeg(scaled(self.image(index), height))
         self._small.put(key, picture, len(picture))
         return picture
 
-    def image(self, index: int) -> Image:
-        """A frame (H, W, 3), RGB, as it was decoded; not to be written to.
+    def near(self, index: int, height: int | None, known: int | None) -> tuple[int, bytes | None]:
+        """A frame as of `picture`, if it is had in a moment, or else the nearest that is kept, and which it is.
+
+        Args: known: a frame that is shown already; where there is no nearer one, None takes the picture's place.
 
         Raises:
             Refusal: there is no such frame.
         """
+        self._ask(index)
+        if self._is_had(index):
+            return index, self._picture(index, height)
+        other = self._kept.nearest(index)
+        if other is None or (known is not None and abs(other - index) >= abs(known - index)):
+            return index if other is None else other, None
+        return other, self._picture(other, height)
+
+    def rough(self, index: int, height: int | None) -> tuple[int, bytes]:
+        """A frame as of `picture` that costs little, and which it is: the nearest that is kept, or a key frame."""
+        self.check(index)
+        key, other = self._reader.key_before(index), self._kept.nearest(index)
+        if other is None or abs(other - index) > index - key:
+            other = key
+        return other, self._picture(other, height)
+
+    def image(self, index: int, seconds: float | None = None) -> Image:
+        """A frame (H, W, 3), RGB, as it was decoded; not to be written to.
+
+        Args: seconds: to wait for it.
+
+        Raises:
+            Refusal: there is no such frame, or not yet.
+        """
         if (image := self._whole.get(index)) is not None:
             return image
+        now = time.monotonic()
+        until = math.inf if seconds is None else now + seconds + self._model.renewal_seconds
         with self._changed:
             self.check(index)
             if self._is_closed:
                 raise Refusal(410, "this video was closed: open it again")
-            future = self._waiting.pop(index, None) or Future()
-            self._waiting[index] = future  # the latest comes last
+            wanted = self._waiting.pop(index, None) or _Wanted(Future(), now)
+            wanted.until = max(wanted.until, until)
+            self._waiting[index] = wanted  # the latest comes last
             self._changed.notify_all()
-        return future.result()
+        try:
+            return wanted.future.result(seconds)
+        except TimeoutError:
+            raise Refusal(503, f"frame {index} is not decoded yet: ask again") from None
 
-    def view(self, index: int) -> Image:
+    def view(self, index: int, seconds: float | None = None) -> Image:
         """A frame (H, W, 3), RGB, as it is kept where that is in full size, else as it was decoded; see `image`."""
         self.check(index)
         is_whole = self._reader.info.height <= self._model.kept_height_px
         data = self._kept.get(index) if is_whole and self._whole.get(index) is None else None
-        return self.image(index) if data is None else from_jpeg(data)
+        return self.image(index, seconds) if data is None else from_jpeg(data)
+
+    def exact(self, index: int) -> Image:
+        """A frame (H, W, 3), RGB, as it was decoded if it is had in a moment, else as it is kept.
+
+        Raises:
+            Refusal: there is no such frame, or not yet.
+        """
+        try:
+            return self.image(index, self._model.patience_seconds)
+        except Refusal as error:
+            if error.status != 503:
+                raise
+            return self.view(index, 0)
+
+    def _is_had(self, index: int) -> bool:
+        """Whether a frame is there, after a moment."""
+        if index in self._kept:
+            return True
+        try:
+            self.image(index, self._model.patience_seconds)
+        except Refusal as error:
+            if error.status != 503:
+                raise
+        return index in self._kept or self._whole.get(index) is not None
 
     def check(self, index: int) -> None:
         """Raises Refusal where there is no frame of this index."""
@@ -272,6 +348,8 @@ class Frames(AbstractContextManager["Frames"]):
 
     def _goal(self) -> int | None:
         """The frame that is wanted most: one that is asked for, one that will be soon, or one that is not kept yet."""
+        now = time.monotonic()
+        self._waiting = {index: wanted for index, wanted in self._waiting.items() if wanted.until > now}
         if self._waiting:
             return next(reversed(self._waiting))
         if self._kept.is_full or self._is_paused:
@@ -305,7 +383,8 @@ class Frames(AbstractContextManager["Frames"]):
         self._heading = goal
         if not self._leads_to(goal):
             self._close_iteration()
-            self._iteration = self._reader.frames(self._reader.key_before(goal), only=_Those(self._is_of_use))
+            self._entered = self._reader.key_before(goal)
+            self._iteration = self._reader.frames(self._entered, only=_Those(self._is_of_use))
         assert self._iteration is not None
         frame = next(self._iteration, None)
         if frame is None:
@@ -314,13 +393,13 @@ class Frames(AbstractContextManager["Frames"]):
         self._at = frame.index + 1
         with self._changed:
             is_near = self._is_near(frame.index)
-            may_take_time = not self._waiting or frame.index in self._soon()
-            future = self._waiting.pop(frame.index, None)
-        if is_near or future is not None:
+            may_take_time = not self._waiting or frame.index in self._soon() or frame.index == self._entered
+            wanted = self._waiting.pop(frame.index, None)
+        if is_near or wanted is not None:
             self._whole.put(frame.index, frame.view, frame.view.nbytes)
-        if future is not None:
-            future.set_result(frame.view)
-        if frame.index not in self._kept and (future is not None or may_take_time):
+        if wanted is not None:
+            wanted.future.set_result(frame.view)
+        if frame.index not in self._kept and (wanted is not None or may_take_time):
             self._kept.put(frame.index, jpeg(scaled(frame.view, self._model.kept_height_px)))
 
     def _is_of_use(self, index: int) -> bool:
@@ -329,7 +408,8 @@ class Frames(AbstractContextManager["Frames"]):
             if not self._waiting:
                 return self._lacks(index)
             has_changed = next(reversed(self._waiting)) != self._heading
-            return has_changed or index in self._waiting or index in self._soon() or self._is_near(index)
+            is_first = index == self._entered and self._lacks(index)
+            return has_changed or is_first or index in self._waiting or index in self._soon() or self._is_near(index)
 
     def _is_near(self, index: int) -> bool:
         """Whether it is a little before a frame that is waited for: whoever jumped there may go on backwards."""
@@ -350,6 +430,6 @@ class Frames(AbstractContextManager["Frames"]):
 
     def _fail(self, index: int, error: Exception) -> None:
         with self._changed:
-            future = self._waiting.pop(index, None)
-        if future is not None:
-            future.set_exception(error)
+            wanted = self._waiting.pop(index, None)
+        if wanted is not None:
+            wanted.future.set_exception(error)

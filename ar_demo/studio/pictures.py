@@ -22,17 +22,29 @@ def scaled(image: Picture, height: int | None) -> Picture:
 
 def jpeg(image: Image) -> bytes:
     """An RGB picture (H, W, 3) as JPEG."""
-    flags = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-    done, data = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), flags)
-    assert done
-    return data.tobytes()
+    return _encoded(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
 
 
 def from_jpeg(data: bytes) -> Image:
     """The RGB picture (H, W, 3) in a JPEG of ours."""
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    assert image is not None
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    return cv2.cvtColor(_decoded(data), cv2.COLOR_BGR2RGB)
+
+
+def smaller(data: bytes, height: int) -> bytes:
+    """A JPEG of ours at another height, px."""
+    return _encoded(scaled(_decoded(data), height))
+
+
+def _encoded(bgr: Image) -> bytes:
+    done, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    assert done
+    return data.tobytes()
+
+
+def _decoded(data: bytes) -> Image:
+    bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert bgr is not None
+    return bgr
 
 
 def webp(image: Picture) -> bytes:

@@ -33,6 +33,7 @@ from ..media.claims import check_name, write_whole
 from ..pipeline import beside, default_output
 from ..session import Session
 from ..surface import Surface
+from ..tracking.moments import index_of
 from ..tracks import Track
 from .composites import Composites
 from .errors import Refusal, on_page
@@ -418,6 +419,34 @@ class Project:
         """Where all surfaces are given to be, to be compared."""
         return [(s.place(self._state.tracking), s.keyframes) for s in self._state.surfaces]
 
+    def begin_finding(self, picture: str) -> Task:
+        """Looks for a surface by a picture of it, in the part of the video that is tracked.
+
+        Args: picture: a file's id.
+
+        Raises:
+            Refusal: there is no such file, or there is work under way.
+        """
+        file = self.files.path(picture)
+        with self._lock:
+            options = _checked(
+                "tracking.time", lambda: self._state.tracking.options(self._entry, self.folder), "give another part"
+            )
+
+        def work(task: Task) -> None:
+            times = self.session.reader.times
+            for surface in self.session.located([Surface(effect="blur", find=file)], options):
+                marked = [(index_of(k.at, times), points(k.corners)) for k in surface.keyframes]
+                task.found.append(
+                    {
+                        "quad": points(surface.quad),
+                        "start": index_of(surface.start, times),
+                        "keyframes": [{"frame": frame, "corners": corners} for frame, corners in marked],
+                    }
+                )
+
+        return self.tasks.begin("find", work)
+
     def begin_rendering(self, name: str, overwrite: bool) -> Task:
         """Renders to a file beside the job file.
 
@@ -557,9 +586,9 @@ class Project:
         """Corners moved to the edges beside them, and how far, px.
 
         Raises:
-            Refusal: there is no such frame, or the corners cannot be those of a surface.
+            Refusal: there is no such frame, or not yet, or the corners cannot be those of a surface.
         """
-        image = self.frames.image(frame)
+        image = self.frames.exact(frame)
         quad, moved = _checked("corners", lambda: snap(Observation(image), np.array(corners, np.float64)))
         return {"corners": np.round(quad, 3).tolist(), "moved": np.round(moved, 3).tolist()}
 
@@ -567,9 +596,9 @@ class Project:
         """Likely rectangles in a frame, best first.
 
         Raises:
-            Refusal: there is no such frame.
+            Refusal: there is no such frame, or not yet.
         """
-        found = find_rectangles(Observation(self.frames.image(frame)))
+        found = find_rectangles(Observation(self.frames.exact(frame)))
         return {"proposals": [{"corners": points(r.corners), "score": round(r.score, 3)} for r in found]}
 
 

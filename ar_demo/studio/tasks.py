@@ -19,9 +19,10 @@ from .events import Event
 
 log = logging.getLogger(__name__)
 
-Kind = Literal["track", "render"]
+Kind = Literal["find", "track", "render"]
 EVENT_SECONDS = 0.1  # between two of progress
 ADVICE = {
+    "find": "give another picture, or mark the corners by hand",
     "track": "mark the surface in another frame, or give another part of the video",
     "render": "change the name or the options here, and render again",
 }
@@ -29,9 +30,10 @@ ADVICE = {
 
 @dataclass
 class Task:
-    """Tracking or rendering; see the page's `task`.
+    """Looking for a surface, tracking or rendering; see the page's `task`.
 
     Attributes:
+        found: where a surface was found by its picture, each copy of it: `quad`, `start`, `keyframes`.
         output: id of the file that was written.
         surfaces: numbers of those that are tracked now.
     """
@@ -45,13 +47,14 @@ class Task:
     error: str | None = None
     warnings: list[str] = field(default_factory=list)
     output: str | None = None
+    found: list[dict[str, Any]] = field(default_factory=list)
     surfaces: list[int] = field(default_factory=list)
     is_asked_to_stop: bool = False
 
     @property
     def content(self) -> dict[str, Any]:
         """As JSON can hold it."""
-        names = ("id", "kind", "state", "stage", "done", "total", "error", "warnings", "output")
+        names = ("id", "kind", "state", "stage", "done", "total", "error", "warnings", "output", "found")
         return {name: getattr(self, name) for name in names}
 
 

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Container, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -133,14 +134,65 @@ def test_a_file_that_breaks_off_is_told(numbered: Path, tmp_path: Path) -> None:
         assert number(frames.picture(5)) == 5
 
 
+def test_whoever_jumps_is_shown_what_is_nearest_until_the_frame_comes(
+    numbered: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with VideoReader(numbered) as reader, Frames(reader, COUNT, replace(LAZY, patience_seconds=0.05)) as frames:
+        decode, may_go_on = reader.frames, threading.Event()
+
+        def slowly(start: int, only: Container[int]) -> Iterator[Frame]:
+            for frame in decode(start, only=only):
+                yield frame
+                assert may_go_on.wait(20)
+
+        monkeypatch.setattr(reader, "frames", slowly)
+        shown, picture = frames.near(100, 32, None)
+        while picture is None:
+            shown, picture = frames.near(100, 32, None)
+        assert (shown, number(picture)) == (0, 0), "the key frame before it"
+        assert frames.near(100, 32, 0) == (0, None), "nothing nearer than that yet"
+        assert [number(frames.rough(index, 32)[1]) for index in (0, 60)] == [0, 0]
+        with pytest.raises(Refusal, match="not decoded yet"):
+            frames.view(100, 0.05)
+        may_go_on.set()
+        end = time.monotonic() + 20
+        while shown != 100 and time.monotonic() < end:
+            shown, picture = frames.near(100, 32, 0)
+        assert picture is not None
+        assert number(picture) == 100
+        while frames.rough(99, 32)[0] != 100 and time.monotonic() < end:
+            time.sleep(0.01)  # it is given out before it is kept
+        assert frames.rough(99, 32)[0] == 100
+
+
+def test_a_frame_that_nobody_asks_for_any_more_is_not_decoded(numbered: Path) -> None:
+    model = replace(LAZY, patience_seconds=0.0, renewal_seconds=0.0)
+    with VideoReader(numbered) as reader, Frames(reader, COUNT, model) as frames:
+        frames.near(COUNT - 1, None, None)
+        assert number(frames.picture(3)) == 3
+        assert [*frames._waiting] == []
+
+
+def test_the_page_is_told_which_frame_is_near(studio: Studio) -> None:
+    near = studio.get("/frames/9", near="3", height=60)
+    while near.status_code == 202:
+        assert near.headers["cache-control"] == "no-store"
+        near = studio.get("/frames/9", near="3", height=60)
+    assert near.headers["x-frame"] in "0123456789"
+    assert int(studio.get("/frames/9", rough="", height=60).headers["x-frame"]) in range(16)
+
+
 def test_the_benchmark_tells_of_each_way(numbered: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    benchmark.main([str(numbered)])
-    told = capsys.readouterr().out.splitlines()
+    with pytest.raises(SystemExit):
+        benchmark.main(["--help"])
+    assert "--scrub" in capsys.readouterr().out
+    benchmark.main([str(numbered), "--scrub", "300"])
+    told = [line for line in capsys.readouterr().out.splitlines() if not line.startswith("memory ")]
     assert [line.split(":")[0] for line in told[1:4]] == [
         f"{w}, nothing kept" for w in ("forward", "backward", "jumps")
     ]
-    assert all(" ms of processor time a frame" in line for line in told[1:-1])
-    assert told[-1].startswith("memory: ")
+    assert all(" ms of processor time a frame" in line for line in told[1:])
+    assert told[-1].startswith("scrubbing through 300 frames: ")
 
 
 def test_bounded_keeps_what_was_used_last() -> None:

@@ -12,7 +12,8 @@ import pytest
 
 from ar_demo.cli.defaults import Defaults
 from ar_demo.cli.jobs import load_job
-from ar_demo.errors import InputError, RunError
+from ar_demo.errors import InputError, NotFound, RunError
+from ar_demo.options import TrackingOptions
 from ar_demo.progress import Progress
 from ar_demo.session import Session
 from ar_demo.studio.errors import Refusal
@@ -20,7 +21,7 @@ from ar_demo.studio.project import Project
 from ar_demo.studio.state import LOOK, Change, SurfaceState
 from ar_demo.studio.tasks import Task
 from ar_demo.studio.workspace import Workspace
-from ar_demo.surface import Surface
+from ar_demo.surface import Keyframe, Moment, Surface
 
 from ..scenes import Scene, error, path
 from .conftest import FRAMES, Studio
@@ -332,6 +333,37 @@ def test_stops_and_goes_on(studio: Studio, monkeypatch: pytest.MonkeyPatch) -> N
     assert studio.finish()["state"] == "done"
     assert seen == [*range(FRAMES)], "each frame is tracked once"
     assert not studio.content["can_go_on"]
+
+
+def test_a_surface_is_looked_for_by_its_picture(studio: Studio, monkeypatch: pytest.MonkeyPatch) -> None:
+    picture, other = studio.content["surfaces"][0]["ad"], (Scene().quad + 9)
+    asked: list[Surface] = []
+
+    def located(surfaces: list[Surface], options: TrackingOptions) -> list[Surface]:
+        asked.extend(surfaces)
+        mark = Keyframe(Moment(frame=7), other)
+        return [
+            Surface(effect="blur", quad=Scene().quad, start=Moment(frame=3), keyframes=(mark,)),
+            Surface(effect="blur", quad=other),
+        ]
+
+    monkeypatch.setattr(studio.project.session, "located", located)
+    assert studio.post("/find", {"picture": picture}).status_code == 202
+    task = studio.finish()
+    assert (task["kind"], task["state"]) == ("find", "done")
+    assert [one.find for one in asked] == [studio.folder / "ad.png"]
+    assert task["found"] == [
+        {"quad": QUAD, "start": 3, "keyframes": [{"frame": 7, "corners": other.tolist()}]},
+        {"quad": other.tolist(), "start": 0, "keyframes": []},
+    ]
+    assert studio.post("/find", {"picture": "guess"}).status_code == 404
+
+    def fail(*_: Any) -> None:
+        raise NotFound("ad.png is not seen in street.mp4: nothing is like it")
+
+    monkeypatch.setattr(studio.project.session, "located", fail)
+    studio.post("/find", {"picture": picture})
+    assert studio.finish()["error"] == "ad.png is not seen in street.mp4: nothing is like it"
 
 
 @pytest.mark.usefixtures("shared_networks")

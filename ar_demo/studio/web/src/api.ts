@@ -70,7 +70,9 @@ export class ProjectApi {
   }
 
   read = () => readProject(this.id);
-  frame = (index: number, height: number) => `/api${this.base}/frames/${index}?height=${height}`;
+  /** @param near a frame that is shown meanwhile, -1 for none. */
+  frame = (index: number, height: number, near: number) => `/api${this.base}/frames/${index}?height=${height}&near=${near}`;
+  roughly = (index: number, height: number) => `/api${this.base}/frames/${index}?height=${height}&rough`;
   composite = (index: number, height: number, revision: number) =>
     `/api${this.base}/composite/${index}?height=${height}&revision=${revision}`;
   steady = (surface: number, index: number, height: number, track: string) =>
@@ -80,6 +82,7 @@ export class ProjectApi {
   snap = (frame: number, corners: Corners) =>
     post<{ corners: Corners; moved: number[] }>(`${this.base}/snap`, { frame, corners });
   proposals = (frame: number) => post<{ proposals: Proposal[] }>(`${this.base}/proposals`, { frame });
+  startFinding = (picture: string) => post<Task>(`${this.base}/find`, { picture });
   startTracking = () => post<Task>(`${this.base}/track`);
   startRendering = (name: string, overwrite: boolean) => post<Task>(`${this.base}/render`, { name, overwrite });
   stop = () => post<Task>(`${this.base}/stop`);

@@ -97,7 +97,7 @@ export interface Video {
 
 export interface Task {
   id: string;
-  kind: "track" | "render";
+  kind: "find" | "track" | "render";
   state: "running" | "done" | "stopped" | "failed";
   stage: string;
   done: number;
@@ -105,6 +105,8 @@ export interface Task {
   error: string | null;
   warnings: string[];
   output: string | null;
+  /** Where a surface was found by its picture: each copy of it. */
+  found: Pick<Surface, "quad" | "start" | "keyframes">[];
 }
 
 export interface Project extends Doc {

@@ -25,13 +25,13 @@ export class Sources {
 
   frames(): Pictures {
     const height = this.height;
-    return this.source("frames", `${height}`, (i) => this.api.frame(i, height));
+    return this.source("frames", `${height}`, (i, near) => this.api.frame(i, height, near));
   }
 
   /** Frames with all their pixels, for the loupe and when the stage is zoomed in. */
   full(): Pictures {
     if (this.height === this.video.height) return this.frames();
-    return this.source("full", "", (i) => this.api.frame(i, this.video.height));
+    return this.source("full", "", (i, near) => this.api.frame(i, this.video.height, near));
   }
 
   composites(revision: number): Pictures {
@@ -50,7 +50,7 @@ export class Sources {
     pictures.want([frame, ...next.filter((i) => i >= 0 && i < this.video.frames)]);
   }
 
-  private source(name: string, key: string, address: (index: number) => string): Pictures {
+  private source(name: string, key: string, address: (index: number, near: number) => string): Pictures {
     const known = this.pictures.get(name);
     if (known?.key === key) return known.pictures;
     known?.pictures.close();

@@ -12,7 +12,9 @@ export type Step = (typeof STEPS)[number];
 export type View = "frame" | "composite" | "wipe" | "steady";
 export type Tool = "corners" | "region" | "exclude";
 /** Where an error is shown: beside what caused it. */
-export type Place = "picture" | "ad" | "track" | "finish" | "save";
+export type Place = "picture" | "ad" | "find" | "track" | "finish" | "save";
+
+const PLACES = { find: "find", track: "track", render: "finish" } as const;
 
 const RETRACK_MS = 700; // after the last change of a keyframe
 
@@ -447,8 +449,9 @@ export class Studio {
     const frame = this.frame;
     this.proposalTimer = window.setTimeout(async () => {
       if (this.proposalsOf === frame && this.proposals.length) return;
-      const found = await this.doc.api.proposals(frame).catch(() => ({ proposals: [] }));
+      const found = await this.doc.api.proposals(frame).catch((error: ApiError) => (error.status === 503 ? null : { proposals: [] }));
       if (this.frame !== frame) return;
+      if (!found) return this.propose(); // the frame is not decoded yet
       this.proposals = found.proposals.filter((p) => isConvex(p.corners)).slice(0, SHOWN);
       this.proposalsOf = frame;
       this.changed();
@@ -468,6 +471,38 @@ export class Studio {
     this.retrackTimer = window.setTimeout(() => {
       if (!this.dragging && this.surface?.track && !this.isBusy) void this.track();
     }, RETRACK_MS);
+  }
+
+  /** Looks for the surface by a picture of it. */
+  async find(picture: string): Promise<void> {
+    this.clear("find");
+    if (!(await this.doc.settled())) return;
+    try {
+      this.setTask(await this.doc.api.startFinding(picture));
+    } catch (error) {
+      this.fail("find", error);
+    }
+  }
+
+  /** Where the surface was found last, while it is not marked. */
+  get found(): Task["found"] {
+    return this.task?.kind === "find" && this.task.state === "done" && !this.surface?.quad ? this.task.found : [];
+  }
+
+  /** Marks the surface where it was found, and others of its kind for its copies. */
+  takeFound(): void {
+    const { found, surface, selected } = this;
+    if (!found.length || !surface) return;
+    const [first, ...copies] = found;
+    this.edit("", (doc) => {
+      Object.assign(doc.surfaces[selected], first);
+      const { track: _, key: __, ...like } = surface;
+      doc.surfaces.splice(selected + 1, 0, ...copies.map((copy) => newSurface({ ...like, ...copy })));
+    });
+    this.placing = [];
+    this.seek(first.start);
+    const more = copies.length ? `, and ${copies.length} more` : "";
+    this.say(`Found in frame ${first.start}${more}: check the corners.`);
   }
 
   async track(): Promise<void> {
@@ -505,7 +540,7 @@ export class Studio {
   }
 
   async stop(): Promise<void> {
-    await this.doc.api.stop().catch((error) => this.fail(this.task?.kind === "render" ? "finish" : "track", error));
+    await this.doc.api.stop().catch((error) => this.fail(PLACES[this.task?.kind ?? "track"], error));
   }
 
   private async readOutputs(): Promise<void> {
@@ -537,7 +572,7 @@ export class Studio {
   }
 
   private async ended(task: Task): Promise<void> {
-    if (task.state === "failed") this.fail(task.kind === "render" ? "finish" : "track", sentence(task.error ?? "it failed"));
+    if (task.state === "failed") this.fail(PLACES[task.kind], sentence(task.error ?? "it failed"));
     await this.doc.reload().catch(() => undefined);
     if (task.kind === "track") {
       await this.tracks.reload(this.project.surfaces);
@@ -545,7 +580,8 @@ export class Studio {
       this.cameFrom = null;
     }
     if (task.kind === "render") await this.readOutputs();
-    if (task.state === "stopped") this.say(this.project.can_go_on ? "Stopped: it can go on from here." : "Stopped: nothing was written.");
+    if (task.kind === "find" && task.state === "done" && this.step === "mark") this.takeFound();
+    if (task.state === "stopped") this.say(this.project.can_go_on && task.kind === "track" ? "Stopped: it can go on from here." : "Stopped: nothing was changed.");
     this.changed();
   }
 }

@@ -12,6 +12,7 @@ const THUMBS = 40; // CSS px, heights of the rows
 const STATES = 9;
 const CURVES = 36;
 const GAP = 3;
+const RENEW_MS = 1500; // after which thumbnails of frames nearby are asked for again
 const DEVIATION = 8; // px of deviation at the top of its curve
 
 export class TimeLine {
@@ -22,6 +23,7 @@ export class TimeLine {
   private readonly still = document.createElement("canvas");
   private width = 0;
   private drawn = "";
+  private renewing = 0;
 
   constructor(
     private readonly studio: Studio,
@@ -33,12 +35,13 @@ export class TimeLine {
     this.element.setAttribute("aria-label", "Frame");
     this.element.append(this.canvas);
     this.thumbnails = new Pictures(
-      (i) => api.frame(i, 2 * THUMBS),
+      (i) => api.roughly(i, 2 * THUMBS),
       () => {
         this.drawn = "";
         this.draw();
       },
       1,
+      true,
     );
     const scrub = (event: PointerEvent) => {
       if (!(event.buttons & 1)) return;
@@ -117,6 +120,8 @@ export class TimeLine {
     const wide = Math.max(24, (THUMBS * video.width) / video.height);
     const count = Math.ceil(this.width / wide);
     const wanted: number[] = [];
+    const rough: number[] = [];
+    const span = video.frames / count;
     context.save();
     context.beginPath();
     context.roundRect(0, 0, this.width, THUMBS, 4);
@@ -128,9 +133,12 @@ export class TimeLine {
       const picture = this.thumbnails.get(frame);
       if (picture) context.drawImage(picture, i * wide, 0, wide, THUMBS);
       else wanted.push(frame);
+      if (picture && Math.abs(this.thumbnails.actual(frame) - frame) > span / 2) rough.push(frame);
     }
     context.restore();
     if (wanted.length) this.thumbnails.want(wanted);
+    clearTimeout(this.renewing);
+    if (rough.length) this.renewing = window.setTimeout(() => this.thumbnails.renew(rough), RENEW_MS);
   }
 
   private states(context: CanvasRenderingContext2D, track: Track, top: number): void {

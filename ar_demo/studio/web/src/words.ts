@@ -17,6 +17,7 @@ export const stateName = (letter: string | undefined) =>
   ({ t: "tracked", h: "held", l: "lost" })[letter ?? ""] ?? "not tracked";
 
 const STAGES: Record<string, string> = {
+  find: "Looking for the surface",
   track: "Following the surface",
   "track back": "Following it backward",
   check: "Checking what contradicts itself",

@@ -2,10 +2,12 @@
 
 import { html, nothing } from "lit-html";
 import { failure, notes, toggle, typed } from "../controls";
+import { chooseFile } from "../dialogs";
 import { CORNER_NAMES } from "../geometry";
 import { icons } from "../icons";
 import type { Point, Surface } from "../model";
 import type { Studio } from "../studio";
+import { progress } from "./track";
 
 export function mark(studio: Studio, chooseAd: () => void) {
   const surface = studio.surface;
@@ -42,6 +44,9 @@ function blocker(studio: Studio): string {
 
 function unmarked(studio: Studio) {
   const found = studio.shownProposals.length;
+  const { task } = studio;
+  if (studio.isBusy && task?.kind === "find")
+    return html`<h2>Where is the surface?</h2>${progress(task, () => void studio.stop())}`;
   return html`<h2>Where is the surface?</h2>
     <p>
       Click its four corners in the picture, beginning with the one where the ad's top left shall
@@ -52,7 +57,20 @@ function unmarked(studio: Studio) {
       studio.snapping = is;
       studio.changed();
     })}
-    <button class="quiet" type="button" @click=${() => studio.markMiddle()}>Begin with a rectangle in the middle</button>`;
+    ${failure(studio.errors.find)}
+    ${studio.found.length
+      ? html`<button class="quiet" type="button" @click=${() => studio.takeFound()}>Take it where it was found</button>`
+      : nothing}
+    <div class="row">
+      <button class="quiet" type="button" ?disabled=${studio.isBusy} @click=${() => void findBy(studio)}
+        title="A picture of what the surface shows: it is looked for in the whole video">Find it by a picture…</button>
+      <button class="quiet" type="button" @click=${() => studio.markMiddle()}>Begin with a rectangle in the middle</button>
+    </div>`;
+}
+
+async function findBy(studio: Studio): Promise<void> {
+  const file = await chooseFile("Choose a picture of what the surface shows", ["ad"]);
+  if (file) await studio.find(file.id);
 }
 
 function marked(studio: Studio, surface: Surface) {

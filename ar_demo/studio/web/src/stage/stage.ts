@@ -34,6 +34,7 @@ export class Stage {
   private readonly handles: HTMLButtonElement[];
   private readonly badges: HTMLButtonElement[] = [];
   private readonly divider = document.createElement("div");
+  private readonly late = document.createElement("p");
   /** The picture that is shown, and the one without ads beside it: copies, since the cache drops its own. */
   private readonly main = document.createElement("canvas");
   private readonly before = document.createElement("canvas");
@@ -58,7 +59,9 @@ export class Stage {
     this.divider.setAttribute("aria-valuemin", "0");
     this.divider.setAttribute("aria-valuemax", "100");
     this.divider.addEventListener("keydown", (event) => this.wipeByKey(event));
-    const parts = [this.canvas, this.adLayer, this.overlay.element, ...this.handles, this.divider, this.loupe.element];
+    const parts = [this.canvas, this.adLayer, this.overlay.element, ...this.handles, this.divider, this.loupe.element, this.late];
+    this.late.className = "late";
+    this.late.hidden = true;
     this.element.append(...parts);
     this.element.addEventListener("pointerdown", (event) => this.down(event));
     this.element.addEventListener("pointermove", (event) => this.move(event));
@@ -100,7 +103,6 @@ export class Stage {
     this.overlay.draw(this.shown.frame, placing ? this.hover : null);
     this.drawLoupe();
     this.element.classList.toggle("placing", placing);
-    this.element.classList.toggle("late", this.shown.frame !== studio.frame);
   }
 
   private source(): Pictures {
@@ -123,6 +125,7 @@ export class Stage {
       this.canvas.setAttribute("aria-label", `Frame ${frame} of ${studio.video.name}`);
       this.onDrawn(frame);
     }
+    this.standIn(source, frame);
     if (this.shown.source === source) this.canvas.dataset.view = studio.view;
     if (studio.view !== "wipe") return;
     const plain = sources.frames();
@@ -132,6 +135,20 @@ export class Stage {
       copy(other, this.before);
       this.beforeFrame = this.shown.frame;
     }
+  }
+
+  /** Until a frame is here the nearest that is known is shown, and said to be that. */
+  private standIn(source: Pictures, frame: number): void {
+    const { shown, canvas } = this;
+    const near = shown.frame === frame ? null : source.near(frame);
+    if (near && Math.abs(near.frame - frame) < Math.abs(shown.frame - frame)) {
+      copy(near.picture, this.main);
+      this.shown = { frame: near.frame, source };
+      canvas.dataset.frame = `${near.frame}`;
+      canvas.setAttribute("aria-label", `Frame ${near.frame} of ${this.studio.video.name}, until frame ${frame} is here`);
+    }
+    this.late.hidden = this.shown.frame === frame || this.shown.frame < 0 || this.studio.isPlaying;
+    this.late.textContent = `Frame ${this.shown.frame}, until ${frame} is here`;
   }
 
   private drawPicture(): void {
