@@ -26,6 +26,13 @@ from .target import PARTS, Pose, Rest, Target
 class SearchModel:
     """Constants of the search in one frame."""
 
+    # A target that moves steadily and is seen well is looked for where it goes on as it moved, without HDN: px of the
+    # standard crop between where it was expected and where it was in the last frame, at most; the deviation of its
+    # corners then, as a share of its size, at most, which is more where the frame is not as sharp as the template; and
+    # the share of it that the last frame showed, and that has to agree in this one.
+    steady_px: float = 2.0
+    steady_deviation: float = 0.0035
+    steady_share: float = 0.95
     followed_share: float = 0.7  # of what is seen of the target, that has to agree where its plane leads without HDN
     sure_support: float = 0.85  # from which no other start is tried
     support_margin: float = 0.02  # by which the candidate of an expected pose may fall short of HDN's and be taken
@@ -140,6 +147,10 @@ class FrameSearch:
             followed = self._followed()
             if followed is not None:
                 return followed
+        elif self._is_steady:
+            steady = self._aligned(self._pose.predicted, None, seen=self._pose.seen)
+            if steady.support >= MODEL.steady_share:
+                return steady
         proposal = self._proposal = self._propose(self._pose.homography)
         if not self._target.is_refined:
             return _unrefined(proposal)
@@ -163,6 +174,22 @@ class FrameSearch:
             if candidate.support > best.support - MODEL.support_margin:
                 return self._with_keypoints(candidate)
         return self._with_keypoints(best)
+
+    @property
+    def _is_steady(self) -> bool:
+        """Whether the target was seen well, surely and where it was expected, in the last frame.
+
+        Never where its template is vague: what little it tells agrees with wrong poses, too.
+        """
+        target, pose = self._target, self._pose
+        if not target.is_refined or target.refiner.is_vague or pose.seen is None:
+            return False
+        most = MODEL.steady_deviation * side(target.corners(pose.homography))
+        return (
+            bool(pose.seen.mean() >= MODEL.steady_share)
+            and pose.surprise <= MODEL.steady_px
+            and target.refiner.deviation(pose.homography, pose.covariance) <= most
+        )
 
     def _followed(self) -> Candidate | None:
         """The candidate that the plane's motion leads to, where that is sure and the target agrees; else None.

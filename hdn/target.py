@@ -119,8 +119,8 @@ class Target:
         """The target's corners (4, 2), px of the frame, by a pose (3, 3)."""
         return transform(homography, self.quad)
 
-    def speed(self, before: Array, after: Array) -> float:
-        """How far the corners move from one pose (3, 3) to another, the mean over them, px of the standard crop."""
+    def distance(self, before: Array, after: Array) -> float:
+        """How far the corners are from one pose (3, 3) to another, the mean over them, px of the standard crop."""
         corners = self.corners(after)
         moved = np.linalg.norm(corners - self.corners(before), axis=1).mean()
         return float(moved * self.refiner.standard_side / max(side(corners), 1.0))
@@ -183,6 +183,8 @@ class Pose:
         covariance: (8, 8) of the homography's parameters, as `Alignment` tells it.
         missed: frames in a row in which the target was not found.
         speed: px of the standard crop per frame, the mean over the corners, when that was last known.
+        surprise: px of the standard crop, the mean over the corners, between where the target was expected to go on to
+            and where it was; infinite where nothing was expected.
         frame: grey, the last one; None where it is not known.
         blur: (2, 2) px^2 of the standard crop, by which the last frame was blurrier than the reference frame.
         seen: (PARTS, PARTS) 0..1, which parts of the target the last frame is known to show.
@@ -196,6 +198,7 @@ class Pose:
     covariance: Array
     missed: int = 0
     speed: float = 0.0
+    surprise: float = np.inf
     frame: Pyramid | None = None
     blur: Array = field(default_factory=lambda: NO_BLUR)
     seen: Floats | None = None
@@ -224,16 +227,19 @@ class Pose:
         """Covariance (8, 8) of the pose in the next frame if nothing tells there how the target moved."""
         return self.covariance + DRIFT_COVARIANCE * (1 + self.speed) ** 2
 
-    def found(self, homography: Array, covariance: Array, speed: float) -> "Pose":
+    def found(self, homography: Array, covariance: Array, speed: float, surprise: float) -> "Pose":
         """The target was found, having moved at a speed, px of the standard crop, if it was found before as well."""
         if self.missed:
-            return replace(self, homography=homography, previous=homography, covariance=covariance, missed=0)
-        return replace(self, homography=homography, previous=self.homography, covariance=covariance, speed=speed)
+            pose = replace(self, homography=homography, previous=homography, covariance=covariance, missed=0)
+            return replace(pose, surprise=np.inf)
+        pose = replace(self, homography=homography, previous=self.homography, covariance=covariance)
+        return replace(pose, speed=speed, surprise=surprise)
 
     def not_found(self, homography: Array, covariance: Array) -> "Pose":
         """The target was not found; the pose is taken as given, and its motion as unknown."""
         missed = self.missed + 1
-        return replace(self, homography=homography, previous=homography, covariance=covariance, missed=missed)
+        pose = replace(self, homography=homography, previous=homography, covariance=covariance, missed=missed)
+        return replace(pose, surprise=np.inf)
 
     def after(
         self, frame: Pyramid, blur: Array = NO_BLUR, seen: Floats | None = None, seen_around: Mask | None = None

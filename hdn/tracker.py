@@ -199,8 +199,8 @@ class Tracker:
         measured: Array | None = None
         placed = None if is_found else search.placed
         if is_found:
-            speed = target.speed(pose.homography, candidate.homography)
-            pose = pose.found(candidate.homography, candidate.covariance, speed)
+            speed, surprise = (target.distance(p, candidate.homography) for p in (pose.homography, pose.predicted))
+            pose = pose.found(candidate.homography, candidate.covariance, speed, surprise)
             measured = candidate.measured
             if candidate.alignment is not None:
                 blur = candidate.alignment.blur

@@ -1,5 +1,6 @@
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 import pytest
 
@@ -146,11 +147,46 @@ def test_behind_a_bar_the_plane_leads_and_the_networks_are_spared(
         frame[:, left : left + 60] = (120, 120, 118)
         assert error(tracker.track(frame).corners, truth) < 2
     assert len(asked) < 6
-    for _ in range(3):  # once nothing hides it they are back
-        tracker.track(scene.draw(truth))
     asked.clear()
-    tracker.track(scene.draw(truth))
+    for _ in range(4):  # once nothing hides it they are back
+        tracker.track(scene.draw(truth))
     assert asked
+
+
+def test_seen_well_and_in_steady_motion_the_networks_are_spared_and_asked_once_it_turns(
+    tracker: Tracker, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    proposer, asked = tracker.target.proposer, []
+    propose = proposer.propose
+    monkeypatch.setattr(proposer, "propose", lambda *given: asked.append(1) or propose(*given))
+    for step in range(1, 11):
+        truth = moved(scene.quad, (4.0 * step, -2.5 * step))
+        assert error(tracker.track(scene.draw(truth)).corners, truth) < 0.5
+    assert len(asked) <= 2  # the first frames tell how it moves
+    asked.clear()
+    truth = moved(scene.quad, (0.0, -25.0), 1.1, 0.2)
+    estimate = tracker.track(scene.draw(truth))
+    assert asked
+    assert estimate.state == "tracked"
+    assert error(estimate.corners, truth) < 1.0
+
+
+def test_the_networks_are_asked_in_steady_motion_where_the_reference_frame_is_blurred(
+    scene: Scene, engine: Engine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tracker = Tracker(engine=engine)
+    tracker.init(_smeared(scene.draw(scene.quad)), scene.quad)
+    asked = []
+    propose = tracker.target.proposer.propose
+    monkeypatch.setattr(tracker.target.proposer, "propose", lambda *given: asked.append(1) or propose(*given))
+    for step in range(1, 7):
+        truth = moved(scene.quad, (4.0 * step, -2.5 * step))
+        assert error(tracker.track(_smeared(scene.draw(truth))).corners, truth) < 1.0
+    assert len(asked) == 6
+
+
+def _smeared(frame: Image) -> Image:
+    return np.asarray(cv2.blur(frame, (41, 1)), np.uint8)
 
 
 def test_keypoints_place_a_lost_target_of_which_a_third_is_seen(engine: Engine) -> None:

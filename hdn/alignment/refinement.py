@@ -61,7 +61,7 @@ class RefinementModel:
     # To the typical cell: with less, light that moves over a cell may pass for something that hides it.
     telling_ratio: float = 0.5
     # Deviation of the corners, as a share of the target's size, that its texture leaves even where all of it is seen,
-    # from which its border counts as well: three times that of usual prints.
+    # from which it is vague, and its border counts as well: three times that of usual prints.
     vague_deviation: float = 0.005
 
     # Blur of the frame against the template.
@@ -122,7 +122,12 @@ class Alignment:
 
 
 class Refiner:
-    """Aligns frames to one template."""
+    """Aligns frames to one template.
+
+    Attributes:
+        textured: (8, 8) which cells of the target have texture to compare.
+        is_vague: whether that is so little that even all of it does not place the target well.
+    """
 
     def __init__(self, frame: Observation, quad: Array, usable: Image | None = None) -> None:
         """Args:
@@ -143,9 +148,10 @@ class Refiner:
                 (_crop_size(size, longest * fine_ratio), MODEL.fine_blur_px, MODEL.fine_points),
             )
         )
-        is_vague = self.deviation(np.eye(3), self._standard.best_covariance) > MODEL.vague_deviation * side(quad)
+        least = self.deviation(np.eye(3), self._standard.best_covariance)
+        self.is_vague = least > MODEL.vague_deviation * side(quad)
         borders = [Border(frame.colour, v.to_template, v.width, v.height) for v in (self._coarse, self._standard)]
-        self._borders = borders if is_vague and all(border.is_distinct for border in borders) else []
+        self._borders = borders if self.is_vague and all(border.is_distinct for border in borders) else []
         self._blurred: dict[tuple[int, bytes], Level] = {}
         raw = frame.grey.crop(self._standard.to_template, *standard).astype(np.float32)
         surroundings = cv2.GaussianBlur(raw, (0, 0), max(standard) / MODEL.side_to_surroundings)
