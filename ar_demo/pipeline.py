@@ -17,7 +17,7 @@ from .media.numbering import Numbering
 from .media.pictures import check_picture_name, write_picture
 from .media.sequences import SUFFIXES, ImageSequence
 from .options import OutputOptions, TrackingOptions
-from .progress import Listener, silent
+from .progress import Listener, Timings, silent
 from .rendering.outputs import Outputs
 from .report.facts import settings
 from .report.report import Report, check_page
@@ -63,17 +63,19 @@ def replace(
     Example:
         replace("street.mp4", Surface("ad.mp4", parse_quad("100,80 300,80 300,240 100,240")), "out.mp4")
     """
-    started = time.perf_counter()
+    started, timings = time.perf_counter(), Timings(listen)
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
-    with _begun(input, surfaces, output, tracking, options, listen, save_track, layer, matte, report) as job:
+    with _begun(input, surfaces, output, tracking, options, timings, save_track, layer, matte, report) as job:
         session, surfaces, outputs, files, claims, page = job
+        timings.take("opening and checks")
         tracked = session.track(surfaces, tracking)
+        timings.take("joint solution")
         for file, surface in zip(claims, tracked, strict=False):
             if surface.track is not None:
                 surface.track.save(file)
         try:
             result = session.render(tracked, outputs.video, options, tracking.end, outputs.layer, outputs.matte)
-            rendering = result.seconds
+            timings.take("finishing the file")
         except (RunError, OSError) as error:
             new = [now.track for now, given in zip(tracked, surfaces, strict=True) if now.track is not given.track]
             if isinstance(error, Stopped) or not new:
@@ -90,9 +92,10 @@ def replace(
                 limits,
                 [surface.name for surface in tracked],
                 settings({"input": str(input)}, *tracked, tracking, options),
-                {"tracking and checks": f"{seconds - rendering:.1f} s", "rendering": f"{rendering:.1f} s"},
+                timings.told,
                 result.warnings,
                 listen,
+                session.stopping,
             )
             told.save(page)
             result = changed(result, warnings=told.warnings)
@@ -211,18 +214,19 @@ def track(
     tracking, options = tracking or TrackingOptions(), options or OutputOptions()
     outputs = save_track, save_map, save_steady, report
     _check_names(input, outputs, options)
-    with ExitStack() as held, Session(input, listen, make_tracker) as session:
+    timings = Timings(listen)
+    with ExitStack() as held, Session(input, timings, make_tracker) as session:
         file, picture, steady, page = (
             None if path is None else held.enter_context(claimed_output(path, options, input)) for path in outputs
         )
         if steady is not None:
             session.check_steady(steady, options)
-        started = time.perf_counter()
+        timings.take("opening and checks")
         copies = session.located([surface], tracking)
         if len(copies) > 1:
             log.warning("%s is seen %d times: the one that is seen best is tracked", surface.find, len(copies))
         [tracked] = session.track(copies[:1], tracking)
-        seconds = time.perf_counter() - started
+        timings.take("joint solution")
         assert tracked.track is not None
         if file is not None:
             tracked.track.save(file)
@@ -236,8 +240,9 @@ def track(
                 session.reader.source,
                 limits=limits,
                 settings=settings({"input": str(input)}, surface, tracking),
-                timings={"tracking": f"{seconds:.1f} s"},
+                timings=timings.told,
                 listen=listen,
+                stop=session.stopping,
             ).save(page)
     return tracked.track
 

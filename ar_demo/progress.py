@@ -1,5 +1,6 @@
 """How far the work is: an event after each frame, for a progress bar, a log or a window."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
@@ -42,6 +43,34 @@ class Progress:
 
 
 Listener = Callable[[Progress], None]
+
+
+class Timings:
+    """A listener that measures how long each stage takes, and tells another one.
+
+    Attributes:
+        seconds: wall time by stage, in the order in which they began.
+    """
+
+    def __init__(self, listener: Listener) -> None:
+        self.seconds: dict[str, float] = {}
+        self._listener, self._last = listener, time.perf_counter()
+
+    def __call__(self, event: Progress) -> None:
+        self.take(event.stage)
+        self._listener(event)
+
+    def take(self, stage: str) -> None:
+        """What has passed since the last event was of this stage."""
+        now = time.perf_counter()
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
+        self._last = now
+
+    @property
+    def told(self) -> dict[str, str]:
+        """In words, and in all."""
+        in_all = {"in all": sum(self.seconds.values())}
+        return {stage: f"{seconds:.1f} s" for stage, seconds in (self.seconds | in_all).items()}
 
 
 def silent(event: Progress) -> None:

@@ -105,6 +105,11 @@ class Session(AbstractContextManager["Session"]):
         """
         self._stop.set()
 
+    @property
+    def stopping(self) -> StopSignal:
+        """What `stop` sets, for work that belongs to this and is done elsewhere, as `Report.of`."""
+        return self._stop
+
     def find(self, pictures: Sequence[Path | str], options: TrackingOptions | None = None) -> Found:
         """Where and when the video shows pictures: files, or folders of them.
 

@@ -19,6 +19,7 @@ from ..media.reader import VideoReader
 from ..media.sequences import ImageSequence
 from ..media.threads import ahead
 from ..progress import Listener, Stage, silent
+from ..stopping import StopSignal
 from ..tracks import Track
 from ..words import counted
 from .pictures import Picture, at_most
@@ -174,8 +175,14 @@ class _Surface:
         return Still(index, picture, float(left), float(top), (right - left) / picture.width)
 
 
-def look(reader: VideoReader, tracks: Sequence[Track], listen: Listener = silent) -> list[Look]:
-    """Goes through a video once, and takes what a report shows of each track."""
+def look(
+    reader: VideoReader, tracks: Sequence[Track], listen: Listener = silent, stop: StopSignal | None = None
+) -> list[Look]:
+    """Goes through a video once, and takes what a report shows of each track.
+
+    Raises:
+        Stopped: the signal was set.
+    """
     first, last = min(track.first for track in tracks), max(track.last for track in tracks)
     step = -(-(last + 1 - first) // MODEL.measured_frames)
     bytes_each = MODEL.page_bytes // (len(tracks) * (MODEL.worst_frames + MODEL.strip_frames + 4) + 2 * MODEL.pairs)
@@ -186,7 +193,7 @@ def look(reader: VideoReader, tracks: Sequence[Track], listen: Listener = silent
             surface.begin(frame.view)
     show = Stage(listen, "report", 0, last + 1 - first)
     with ahead(reader.frames(first, last + 1)) as frames:
-        for frame in frames:
+        for frame in (stop or StopSignal()).watch(frames):
             for surface in surfaces:
                 surface.see(frame.view, frame.index)
             show(tuple(track.states[frame.index] if frame.index < len(track) else None for track in tracks))

@@ -12,6 +12,7 @@ from ..media.reader import IndexDropped, VideoReader
 from ..media.sequences import ImageSequence
 from ..progress import Listener, silent
 from ..session import check_belongs_to
+from ..stopping import StopSignal
 from ..tracks import Track
 from ..verdict import LIMITS, Limits, Verdict, judge
 from ..words import counted
@@ -67,6 +68,7 @@ class Report:
         timings: Facts | None = None,
         warnings: Sequence[str] | None = None,
         listen: Listener = silent,
+        stop: StopSignal | None = None,
     ) -> "Report":
         """Judges tracks, and looks at their video where it is given.
 
@@ -80,9 +82,11 @@ class Report:
             settings, timings: what was asked for, and how long it took, by name.
             warnings: what else there is to say; None takes the tracks' own.
             listen: called after each frame.
+            stop: ends it, as a session's own does.
 
         Raises:
             InputError: there is no track, or one of another video; a video that cannot be read.
+            Stopped: somebody asked to.
         """
         tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
         verdict = judge(tracks, limits)
@@ -96,9 +100,9 @@ class Report:
                 for track in tracks:
                     check_belongs_to(track, reader)
                 try:
-                    looks = look(reader, tracks, listen)
+                    looks = look(reader, tracks, listen, stop)
                 except IndexDropped:
-                    looks = look(reader, tracks, listen)  # by decoding alone
+                    looks = look(reader, tracks, listen, stop)  # by decoding alone
                 try:
                     stills = pairs(reader, composite, tracks) if composite is not None else []
                 except (InputError, RunError) as error:

@@ -110,7 +110,7 @@ def test_ar_track_writes_one(run: Run, clip: Path, tmp_path: Path, shared_networ
     assert json.loads(out)["verdict"]["status"] == "pass"
     text = page.read_text(encoding="utf-8")
     assert "quad" in text
-    assert "tracking" in text
+    assert "joint solution" in text
 
 
 def test_ar_replace_writes_one_with_stills_before_and_after(run: Run, clip: Path, file: Path, tmp_path: Path) -> None:

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ar_demo import InputError, Report, Track
+from ar_demo import InputError, Progress, Report, Session, Stopped, Track
 from ar_demo.media.pictures import write_picture
 from ar_demo.media.reader import IndexDropped
+from ar_demo.progress import Timings
 from ar_demo.report import looking
 from ar_demo.report import report as report_module
 from ar_demo.report.facts import settings
@@ -254,3 +255,25 @@ def test_settings_are_those_that_are_not_as_usual() -> None:
         "keyframes": "frame 3: 1,2 3,2 3,4 1,4.5",
         "fit": "cover",
     }
+
+
+def test_a_report_is_stopped_with_its_session(clip: Path) -> None:
+    with Session(clip) as session:
+
+        def listen(event: Progress) -> None:
+            if event.done == 3:
+                session.stop()
+
+        with pytest.raises(Stopped):
+            Report.of(tracked(str(clip)), clip, listen=listen, stop=session.stopping)
+
+
+def test_timings_tell_each_stage() -> None:
+    seen: list[Progress] = []
+    timings = Timings(seen.append)
+    timings.take("opening")
+    for stage in ("track", "track back", "track"):
+        timings(Progress(stage, 1))
+    timings.take("joint solution")
+    assert [*timings.told] == ["opening", "track", "track back", "joint solution", "in all"]
+    assert len(seen) == 3

@@ -96,6 +96,17 @@ def test_a_second_surface_with_what_is_left_out_and_an_effect(visit, folder):
         person.page.mouse.click(*person.on_stage(x, y))
     person.press("Enter")
     person.wait_for("Left out: 3 corners")
+    move(person, (60, 60), (60, 65))
+    move(person, (60, 30), (62, 24))  # the dot between two corners
+    person.wait_for("Left out: 4 corners")
+    person.press("Delete")
+    person.wait_for("Left out: 3 corners")
+    person.press("Control+z")
+    person.wait_for("Left out: 4 corners")
+    person.page.get_by_label("Corner 2 of 4").focus()
+    person.press("Shift+ArrowLeft", "Shift+ArrowLeft")
+    person.click("Done")
+    person.page.locator(".corner").first.wait_for(state="visible")
     person.page.get_by_role("button", name="Look", exact=True).click()
     person.page.get_by_label("Kind").select_option("mosaic")
     person.saved()
@@ -103,11 +114,39 @@ def test_a_second_surface_with_what_is_left_out_and_an_effect(visit, folder):
     assert first["ad"].endswith("ad.png")
     assert second["effect"] == "mosaic"
     assert "ad" not in second
-    assert np.allclose(second["exclude"], [[(40, 30), (80, 30), (60, 60)]], atol=1)
+    assert np.allclose(second["exclude"], [[(40, 30), (60, 24), (80, 30), (60, 65)]], atol=1)
     person.click("Remove surface 2")
     person.press("Control+z")
     person.saved()
     assert len(job(folder)["surfaces"]) == 2
+
+
+def move(person, start, end):
+    """Drags from one point of the frame, px, to another."""
+    person.page.mouse.move(*person.on_stage(*start))
+    person.page.mouse.down()
+    person.page.mouse.move(*person.on_stage(*(np.array([start, end]).mean(0))))
+    person.page.mouse.move(*person.on_stage(*end))
+    person.page.mouse.up()
+
+
+def test_number_keys_go_through_the_steps_and_the_line_between_before_and_after_is_dragged(visit):
+    person = marked(visit())
+    for key, step in ("2", "Track"), ("4", "Finish"), ("1", "Mark"), ("3", "Look"):
+        person.press(key)
+        person.page.get_by_role("complementary", name=step).wait_for()
+    middle = QUAD.mean(0)
+    person.page.wait_for_selector('canvas.picture[data-view="wipe"]')
+    line = person.page.get_by_role("slider", name="Before and after")
+    move(person, (319.5, 40), (600, 40))
+    person.until(lambda: int(line.get_attribute("aria-valuenow")) > 90)
+    before = person.colour_at(*middle)
+    move(person, (600, 40), (40, 40))
+    person.until(lambda: int(line.get_attribute("aria-valuenow")) < 10)
+    person.until(lambda: np.abs(person.colour_at(*middle) - before).max() > 30)
+    line.focus()
+    person.press("End" if line.get_attribute("aria-valuenow") == "0" else "ArrowRight")
+    person.until(lambda: int(line.get_attribute("aria-valuenow")) > 6)
 
 
 def test_a_finger_marks_and_drags(visit):
@@ -131,6 +170,21 @@ def test_a_finger_marks_and_drags(visit):
     moved = person.corners() - before
     assert moved[0, 1] < -2
     assert np.allclose(moved[1:], 0)
+
+    def width():
+        left, right = (person.page.locator(".corner").nth(i).bounding_box() for i in (0, 1))
+        return right["x"] - left["x"]
+
+    person.page.reload()  # whose pointers are real ones
+    person.page.locator(".corner").nth(1).wait_for(state="visible")
+    wide, (x, y) = width(), person.on_stage(*QUAD.mean(0))
+    fingers = person.page.context.new_cdp_session(person.page)
+    for kind, apart in ("touchStart", 30), ("touchMove", 45), ("touchMove", 60), ("touchEnd", None):
+        points = [] if apart is None else [{"x": x + side * apart, "y": y, "id": side} for side in (-1, 1)]
+        fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    person.until(lambda: 1.8 < width() / wide < 2.2)
+    person.page.get_by_role("button", name="Whole picture").click()
+    person.until(lambda: abs(width() - wide) < 1)
 
 
 def test_errors_are_said_where_they_arise(visit, folder):

@@ -18,6 +18,10 @@ function next(studio: Studio): Hint {
     const what = studio.tool === "region" ? "the region that is tracked" : "what shall be left out";
     return { text: `Click the corners of ${what}; click the first one again, or press Enter, to close it.` };
   }
+  if (studio.vertices) {
+    const text = "Drag the corners; a small dot between two makes another one, Delete removes one.";
+    return { text, actions: [["Done", () => studio.editShape(null)]] };
+  }
   if (studio.isBusy && studio.task?.kind === "track") return { text: "Tracking: the outline shows what was found." };
   if (studio.isPlacing) {
     const n = studio.placing.length;

@@ -20,6 +20,7 @@ export const KEYS: [string, string][] = [
   ["Arrows on a corner", "move it by 0.1 px; with Shift by 1 px"],
   ["Alt while dragging", "no snapping"],
   ["Enter, Esc", "close a polygon, leave it"],
+  ["Del on its corner", "remove that; Enter on a dot between two adds one"],
 ];
 
 export function listen(studio: Studio, player: Player, stage: Zoomable, help: () => void): void {

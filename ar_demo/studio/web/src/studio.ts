@@ -46,6 +46,8 @@ export class Studio {
   ghost: Point | null = null;
   /** Corners that are clicked, up to the fourth; those of a polygon, up to its end. */
   placing: Corners = [];
+  /** The polygon whose corners are edited: its number among those that are left out, -1 for the region. */
+  shape: number | null = null;
   polygon: Corners = [];
   proposals: Proposal[] = [];
   proposalsOf = -1;
@@ -161,6 +163,7 @@ export class Studio {
     this.corner = null;
     this.placing = [];
     this.polygon = [];
+    this.shape = null;
     this.tool = "corners";
     if (this.step === "mark" && this.surface?.quad) this.seek(this.surface.start);
     this.propose();
@@ -169,6 +172,7 @@ export class Studio {
 
   go(step: Step): void {
     this.step = step;
+    this.shape = null;
     this.polygon = [];
     this.placing = [];
     this.tool = "corners";
@@ -245,7 +249,7 @@ export class Studio {
   /** Whether corners can be dragged in this frame: the surface's own, or those of a keyframe to be. */
   get handles(): Corners | null {
     const surface = this.surface;
-    if (!surface?.quad || this.view !== "frame" || this.tool !== "corners") return null;
+    if (!surface?.quad || this.view !== "frame" || this.tool !== "corners" || this.vertices) return null;
     if (this.step === "look" || this.step === "finish" || this.isBusy) return null;
     if (this.frame === surface.start) return surface.quad;
     if (this.step === "mark") return null;
@@ -430,11 +434,58 @@ export class Studio {
       else surface.exclude = [...surface.exclude, points];
     });
     this.use("corners");
+    this.editShape(tool === "region" ? -1 : this.surface!.exclude.length - 1);
+  }
+
+  /** Lets a polygon's corners be moved, added and removed; null ends that. */
+  editShape(shape: number | null): void {
+    this.shape = shape;
+    this.view = "frame";
+    if (shape !== null && this.surface) this.seek(this.surface.start);
+    this.changed();
+  }
+
+  /** The corners of the polygon that is edited. */
+  get vertices(): Corners | null {
+    const { shape, surface } = this;
+    if (shape === null || !surface || this.step !== "mark" || this.view !== "frame") return null;
+    if (this.frame !== surface.start || this.tool !== "corners") return null;
+    return (shape < 0 ? surface.region : surface.exclude[shape]) ?? null;
+  }
+
+  private setVertices(points: Corners, merge: string): void {
+    const shape = this.shape!;
+    this.editSurface(merge, (surface) => {
+      if (shape < 0) surface.region = points;
+      else surface.exclude[shape] = points;
+    });
+  }
+
+  moveVertex(index: number, to: Point, merge: string): void {
+    const points = this.vertices?.map((p, i) => (i === index ? hundredths(to) : p));
+    if (points) this.setVertices(points, merge);
+  }
+
+  /** A new corner in the middle between one and the next. */
+  splitEdge(index: number, merge = ""): void {
+    const points = this.vertices;
+    if (!points) return;
+    const [a, b] = [points[index], points[(index + 1) % points.length]];
+    const middle = hundredths([(a[0] + b[0]) / 2, (a[1] + b[1]) / 2]);
+    this.setVertices([...points.slice(0, index + 1), middle, ...points.slice(index + 1)], merge);
+  }
+
+  removeVertex(index: number): void {
+    const points = this.vertices;
+    if (!points) return;
+    if (points.length === 3) return this.say("A polygon has three corners at least: remove all of it in the panel.");
+    this.setVertices(points.filter((_, i) => i !== index), "");
   }
 
   use(tool: Tool): void {
     this.tool = tool;
     this.polygon = [];
+    this.shape = null;
     this.view = "frame";
     if (tool !== "corners" && this.surface) this.seek(this.surface.start);
     this.changed();

@@ -107,7 +107,10 @@ function marked(studio: Studio, surface: Surface) {
 
 function regions(studio: Studio, surface: Surface) {
   const drawing = studio.tool !== "corners";
-  const drop = (change: (s: Surface) => void) => () => studio.editSurface("", change);
+  const drop = (change: (s: Surface) => void) => () => {
+    studio.editShape(null);
+    studio.editSurface("", change);
+  };
   return html`<details class="card" ?open=${drawing || !!surface.region || surface.exclude.length > 0}>
     <summary>What is tracked</summary>
     <p class="hint">
@@ -125,11 +128,18 @@ function regions(studio: Studio, surface: Surface) {
         </div>`}
     <ul class="plain">
       ${surface.region
-        ? html`<li>Region of ${surface.region.length} corners
+        ? html`<li>Region of ${surface.region.length} corners ${edit(studio, -1)}
             <button class="quiet" type="button" @click=${drop((s) => (s.region = null))}>Remove</button></li>`
         : nothing}
       ${surface.exclude.map((polygon, i) => html`<li>Left out: ${polygon.length} corners
+        ${edit(studio, i)}
         <button class="quiet" type="button" @click=${drop((s) => s.exclude.splice(i, 1))}>Remove</button></li>`)}
     </ul>
   </details>`;
+}
+
+function edit(studio: Studio, shape: number) {
+  const is = studio.shape === shape;
+  return html`<button class="quiet" type="button" aria-pressed=${is} @click=${() => studio.editShape(is ? null : shape)}>
+    ${is ? "Done" : "Edit"}</button>`;
 }

@@ -18,6 +18,7 @@ type Gesture =
   | { kind: "pan"; from: Point; moved: boolean }
   | { kind: "place" }
   | { kind: "wipe" }
+  | { kind: "vertex"; index: number; merge: string }
   | { kind: "corner"; index: number; offset: Point; merge: string; free: boolean; moved: boolean }
   | { kind: "pinch"; distance: number; middle: Point };
 
@@ -33,6 +34,8 @@ export class Stage {
   private readonly loupe = new Loupe();
   private readonly handles: HTMLButtonElement[];
   private readonly badges: HTMLButtonElement[] = [];
+  private readonly vertices: HTMLButtonElement[] = [];
+  private readonly dots: HTMLButtonElement[] = [];
   private readonly divider = document.createElement("div");
   private readonly late = document.createElement("p");
   /** The picture that is shown, and the one without ads beside it: copies, since the cache drops its own. */
@@ -97,6 +100,7 @@ export class Stage {
     this.drawPicture();
     this.drawAds();
     this.placeHandles();
+    this.placeVertices();
     this.placeBadges();
     this.placeDivider();
     const placing = studio.isPlacing || studio.tool !== "corners";
@@ -212,8 +216,7 @@ export class Stage {
       this.studio.changed();
     });
     button.addEventListener("keydown", (event) => {
-      const step = event.shiftKey ? 1 : 0.1;
-      const by = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] }[event.key];
+      const by = arrow(event);
       if (!by || event.ctrlKey || event.metaKey) return;
       event.preventDefault();
       event.stopPropagation();
@@ -233,6 +236,51 @@ export class Stage {
       const at = `x ${corners[i][0].toFixed(1)}, y ${corners[i][1].toFixed(1)}`;
       button.setAttribute("aria-label", `Corner ${button.dataset.name}, ${at}; arrow keys move it by 0.1 pixels`);
     });
+  }
+
+  /** A polygon's corners, and dots between them that make others. */
+  private placeVertices(): void {
+    const points = (this.shown.frame === this.studio.frame && this.studio.vertices) || [];
+    while (this.vertices.length < points.length) {
+      const index = this.vertices.length;
+      this.vertices.push(this.vertex("vertex", (event) => this.vertexByKey(index, event)));
+      const dot = this.vertex("between", () => undefined);
+      // A pointer has made the corner already, as it went down.
+      dot.addEventListener("click", (event) => {
+        if (event.detail === 0) this.studio.splitEdge(index);
+      });
+      this.dots.push(dot);
+    }
+    this.vertices.forEach((button, i) => {
+      const dot = this.dots[i];
+      button.hidden = dot.hidden = i >= points.length;
+      if (button.hidden) return;
+      const [[x, y], [nextX, nextY]] = [points[i], points[(i + 1) % points.length]].map((p) => this.view.toStage(p));
+      button.style.transform = `translate(${x}px, ${y}px)`;
+      dot.style.transform = `translate(${(x + nextX) / 2}px, ${(y + nextY) / 2}px)`;
+      button.setAttribute("aria-label", `Corner ${i + 1} of ${points.length}; arrow keys move it, Delete removes it`);
+      dot.setAttribute("aria-label", `Another corner after ${i + 1}`);
+    });
+  }
+
+  private vertex(name: string, key: (event: KeyboardEvent) => void): HTMLButtonElement {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = name;
+    button.addEventListener("keydown", key);
+    this.element.insertBefore(button, this.divider);
+    return button;
+  }
+
+  private vertexByKey(index: number, event: KeyboardEvent): void {
+    const by = arrow(event);
+    const at = this.studio.vertices?.[index];
+    if (!at || event.ctrlKey || event.metaKey) return;
+    if (by) this.studio.moveVertex(index, [at[0] + by[0], at[1] + by[1]], `vertex-${index}`);
+    else if (event.key === "Delete" || event.key === "Backspace") this.studio.removeVertex(index);
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
   }
 
   private placeBadges(): void {
@@ -327,6 +375,15 @@ export class Stage {
       const offset: Point = [x - at[0], y - at[1]];
       const merge = `drag-${++this.gestures}`;
       this.gesture = { kind: "corner", index: corner, offset, merge, free: event.altKey, moved: false };
+    } else if (this.vertices.includes(target as HTMLButtonElement) || this.dots.includes(target as HTMLButtonElement)) {
+      event.preventDefault();
+      const dot = this.dots.indexOf(target as HTMLButtonElement);
+      const index = dot < 0 ? this.vertices.indexOf(target as HTMLButtonElement) : dot + 1;
+      const merge = `vertex-${++this.gestures}`;
+      if (dot >= 0) studio.splitEdge(dot, merge);
+      this.placeVertices();
+      this.vertices[index]?.focus();
+      this.gesture = { kind: "vertex", index, merge };
     } else if (target === this.divider) this.gesture = { kind: "wipe" };
     else if (event.button === 0 && !event.shiftKey && (studio.isPlacing || studio.tool !== "corners")) {
       this.gesture = { kind: "place" };
@@ -350,6 +407,7 @@ export class Stage {
       gesture.moved ||= Math.hypot(at[0] - gesture.from[0], at[1] - gesture.from[1]) > CLICK;
       if (gesture.moved) this.view.pan(at[0] - before[0], at[1] - before[1]);
     } else if (gesture.kind === "place") this.hover = this.view.toFrame(at);
+    else if (gesture.kind === "vertex") studio.moveVertex(gesture.index, this.view.toFrame(at), gesture.merge);
     else if (gesture.kind === "wipe") {
       const [x] = this.view.origin;
       studio.wipe = Math.max(0, Math.min(1, (at[0] - x) / (this.view.content[0] * this.view.scale)));
@@ -431,6 +489,13 @@ export class Stage {
     this.studio.sources.stageHeight = this.view.height * devicePixelRatio;
     this.studio.changed();
   }
+}
+
+/** How far an arrow key moves a corner, px; null for other keys. */
+function arrow(event: KeyboardEvent): Point | null {
+  const step = event.shiftKey ? 1 : 0.1;
+  const ways: Record<string, Point> = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] };
+  return ways[event.key] ?? null;
 }
 
 const middle = (a: Point, b: Point): Point => [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
