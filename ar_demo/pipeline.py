@@ -159,10 +159,10 @@ def _begun(
     pages = [] if report is None else [check_page(report)]
     check_different([*filter(None, names), *([] if save_track is None else [Path(save_track)]), *pages])
     with ExitStack() as held, Session(input, listen) as session:
-        inputs = (input, *(surface.ad for surface in surfaces))
+        inputs = (input, *(file for surface in surfaces for file in (surface.ad, surface.matte)))
         outputs = held.enter_context(claimed_outputs(names, options, *inputs))
         page = held.enter_context(claimed_output(pages[0], options, *inputs)) if pages else None
-        session.check(surfaces, outputs, options)
+        session.check(surfaces, outputs, options, tracking.last)
         surfaces = session.located(surfaces, tracking)
         files = track_files(Path(save_track), len(surfaces)) if save_track is not None else []
         check_different([*filter(None, names), *files, *pages])

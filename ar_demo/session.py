@@ -27,6 +27,7 @@ from .frame_range import FrameRange
 from .media.claims import Claim, check_name, claimed
 from .media.codecs import holds_sound, is_picture
 from .media.joining import is_joinable, join
+from .media.mattes import GivenMatte
 from .media.numbering import Numbering
 from .media.reader import IndexDropped, VideoReader
 from .media.sequences import ImageSequence, pictures_of
@@ -217,8 +218,16 @@ class Session(AbstractContextManager["Session"]):
             for surface in surfaces
         ]
 
-    def check(self, surfaces: Sequence[Surface], outputs: Outputs, options: OutputOptions | None = None) -> None:
+    def check(
+        self,
+        surfaces: Sequence[Surface],
+        outputs: Outputs,
+        options: OutputOptions | None = None,
+        end: Moment | None = None,
+    ) -> None:
         """Opens once all that `render` will need, but the tracks: so it fails before the work, or not for this.
+
+        Args: end: the last frame that will be tracked; None for the video's.
 
         Raises:
             InputError, RunError: see `render`.
@@ -226,6 +235,10 @@ class Session(AbstractContextManager["Session"]):
         options = options or OutputOptions()
         for surface in surfaces:
             check_ad(surface)
+            if surface.matte is not None:
+                times = self.reader.times
+                least = frames_until(end or Moment(), times) if surface.track is None else len(surface.track)
+                GivenMatte(surface.matte, self.reader.info, range(least, len(times) + 1)).close()
         if options.backend != "auto":
             open_compositor(options.backend).close()
         part = self._part(options)
@@ -262,7 +275,7 @@ class Session(AbstractContextManager["Session"]):
             Stopped: see `stop`.
         """
         options = options or OutputOptions()
-        inputs = self.reader.path, *(surface.ad for surface in surfaces)
+        inputs = self.reader.path, *(file for surface in surfaces for file in (surface.ad, surface.matte))
         with claimed_outputs((output, layer, matte), options, *inputs) as outputs:
             tracks = [surface.track for surface in surfaces if surface.track is not None]
             for track in tracks:
@@ -301,7 +314,7 @@ class Session(AbstractContextManager["Session"]):
                 count += 1
                 show(tuple(t.states[frame.index] if frame.index < len(t) else None for t in tracks), frame.view)
             warnings = [*tracks_warnings(tracks, self.reader.warnings), *self.reader.warnings, *reader.warnings]
-            warnings += writer.warnings
+            warnings += [*writer.warnings, *renderer.warnings]
             video = outputs.video.path if outputs.video else None
             if streams and video and options.audio != "none" and info.has_audio and not holds_sound(video):
                 log.info("%s holds no sound: it is left out", video.suffix)

@@ -21,8 +21,8 @@ from .tracks import Track
 log = logging.getLogger(__name__)
 
 # What an effect that is made from the surface itself has no use for.
-ADS_ALONE = ("ad", "fit", "playback", "flat", "shutter", "grain", "softness", "first_light", "surface_kind")
-IN_SCENE_ALONE = ("shutter", "grain", "softness", "first_light", "surface_kind")
+ADS_ALONE = ("ad", "fit", "playback", "flat", "shutter", "grain", "softness", "first_light", "surface_kind", "matte")
+IN_SCENE_ALONE = ("shutter", "grain", "softness", "first_light", "surface_kind", "matte")
 
 
 @dataclass(frozen=True)
@@ -195,6 +195,8 @@ class Surface:
         first_light: whether shadows and glare that lie on the surface in the reference frame fall on it as well; 'even'
             takes that frame to be lit evenly.
         surface_kind: 'print', which light falls on, or 'screen', which shines by itself and mirrors what is before it.
+        matte: made elsewhere: video, image sequence or picture in the frame's shape, white where the ad may be seen
+            and black where something is in front of it, as it is saved; None tells by the video what is in front.
 
     Raises:
         InputError: a value that is not allowed, or one that cannot apply beside another.
@@ -224,6 +226,7 @@ class Surface:
     softness: Softness = "auto"
     first_light: FirstLight = "auto"
     surface_kind: SurfaceKind = "print"
+    matte: Path | str | None = None
 
     @property
     def in_scene(self) -> bool:

@@ -73,7 +73,7 @@ RULES = (
     Rule(("parallel",), "--frames", _has("frames"), "a part is rendered by one process"),
     Rule(("end",), "--frames", _has("frames"), "they have an end of their own"),
     Rule(("smooth",), "--live", _has("live"), "a 1 euro filter takes its place"),
-    Rule(("first_light",), "--live", _has("live"), "frames are seen once, as they come"),
+    Rule(("first_light", "matte"), "--live", _has("live"), "frames are seen once, as they come"),
     Rule(("audio",), "--live", _has("live"), "a live output has no sound"),
     Rule(("streams", "location"), "--live", _has("live"), "a live output has the picture alone"),
     Rule(("depth", "tonemap"), "--live", _has("live"), "a live output has 8 bits, in SDR"),

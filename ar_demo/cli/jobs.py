@@ -95,6 +95,7 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
     softness: Softness | UnsetType = UNSET
     first_light: FirstLight | UnsetType = UNSET
     surface_kind: SurfaceKind | UnsetType = UNSET
+    matte: str | UnsetType = UNSET
 
     def surface(
         self,
@@ -109,8 +110,9 @@ class SurfaceEntry(Struct, forbid_unknown_fields=True, omit_defaults=True):
             InputError: corners, a frame or a file that cannot be read, or options that do not go together.
         """
         given = _given(self)
-        if given.get("ad"):
-            given["ad"] = folder / given["ad"]
+        for name in ("ad", "matte"):
+            if given.get(name):
+                given[name] = folder / given[name]
         if "quad" in given:
             given["quad"] = parse_quad(given["quad"])
         if "region" in given:
@@ -213,9 +215,9 @@ class Job:
 
     @property
     def files(self) -> list[Path]:
-        """The files that are read for it, but for the input: ads, tracks and weights."""
+        """The files that are read for it, but for the input: ads, mattes, tracks and weights."""
         surfaces = self._entry.surfaces
-        names = [self._entry.tracking.weights, *(n for s in surfaces for n in (s.ad, s.find, s.track))]
+        names = [self._entry.tracking.weights, *(n for s in surfaces for n in (s.ad, s.matte, s.find, s.track))]
         return [self._path.parent / name for name in names if isinstance(name, str)]
 
     def surfaces_with(

@@ -114,6 +114,13 @@ def replace_parser() -> Parser:
         help="shadows and glare of the quad's own frame: told from the video, or taken for none (default: auto)",
     )
     add("--surface-kind", choices=CHOICES["surface_kind"], help="a screen shines by itself (default: print)")
+    add(
+        "--matte",
+        type=Path,
+        metavar="PATH",
+        help="what is in front, made elsewhere: video, image sequence or picture, black there and white where the ad "
+        "may be seen, as --save-matte writes it (default: told from the video)",
+    )
     add("--effect", choices=CHOICES["effect"], help="all but replace need no ad")
     add = parser.add_argument_group("the output").add_argument
     add("--audio", choices=CHOICES["audio"], help="whose sound (default: source)")

@@ -40,3 +40,17 @@ def in_float(pixels: Picture) -> Floats:
     if pixels.dtype == np.float32:
         return np.asarray(pixels, np.float32)
     return np.multiply(pixels, 1 / peak(pixels.dtype), dtype=np.float32)
+
+
+def overlap(a: Box, b: Box) -> Box | None:
+    """What two boxes share; None for nothing."""
+    top, left = max(a[0].start, b[0].start), max(a[1].start, b[1].start)
+    bottom, right = min(a[0].stop, b[0].stop), min(a[1].stop, b[1].stop)
+    return as_box(left, top, right, bottom) if top < bottom and left < right else None
+
+
+def within(inner: Box, outer: Box) -> Box:
+    """A box of the frame as rows and columns of a box that contains it."""
+    rows, columns = inner
+    top, left = outer[0].start, outer[1].start
+    return slice(rows.start - top, rows.stop - top), slice(columns.start - left, columns.stop - left)

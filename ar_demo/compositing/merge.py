@@ -18,7 +18,7 @@ from ..choices import Blend
 from ..hdr import Hdr, graded, ungraded
 from ..scene.occlusion import Occluder
 from .blend import BLENDS
-from .layer import Frame, Layer, as_box, in_float, peak
+from .layer import Frame, Layer, as_box, in_float, overlap, peak, within
 
 TILE = (256, 128)  # px, width and height: fits the cache
 DEPTHS = {"uint8": cv2.CV_8U, "uint16": cv2.CV_16U}  # of frames, as OpenCV names them
@@ -118,7 +118,7 @@ def _tiles(layer: Layer) -> Iterator[tuple[Box, Image | Floats]]:
     for top in range(rows.start, rows.stop, TILE[1]):
         for left in range(columns.start, columns.stop, TILE[0]):
             tile = as_box(left, top, min(left + TILE[0], columns.stop), min(top + TILE[1], rows.stop))
-            yield tile, layer.rgba[_within(tile, layer.box)]
+            yield tile, layer.rgba[within(tile, layer.box)]
 
 
 def _lay_exactly(part: Frame, rgba: Image | Floats) -> None:
@@ -159,10 +159,10 @@ class _Hiding:
     @staticmethod
     def of(occluder: Occluder | None, tile: Box) -> "_Hiding | None":
         """None where there is none, or the tile is beside its box."""
-        if occluder is None or (shared := _overlap(tile, occluder.box)) is None:
+        if occluder is None or (shared := overlap(tile, occluder.box)) is None:
             return None
         hiding = _Hiding(*(np.zeros((*_shape(tile), 3), np.float32) for _ in range(3)))
-        source, target = _within(shared, occluder.box), _within(shared, tile)
+        source, target = within(shared, occluder.box), within(shared, tile)
         hiding.share[target] = occluder.share[source]
         hiding.colour[target] = occluder.colour[source] * np.float32(1 / 255)
         hiding.behind[target] = occluder.behind[source] * np.float32(1 / 255)
@@ -236,20 +236,6 @@ def _lay_in_light(
     np.copyto(part, result, where=touched & (cv2.absdiff(deep, result) > 1))
 
 
-def _overlap(a: Box, b: Box) -> Box | None:
-    """What two boxes share; None for nothing."""
-    top, left = max(a[0].start, b[0].start), max(a[1].start, b[1].start)
-    bottom, right = min(a[0].stop, b[0].stop), min(a[1].stop, b[1].stop)
-    return as_box(left, top, right, bottom) if top < bottom and left < right else None
-
-
 def _shape(box: Box) -> tuple[int, int]:
     rows, columns = box
     return rows.stop - rows.start, columns.stop - columns.start
-
-
-def _within(inner: Box, outer: Box) -> Box:
-    """A box of the frame as rows and columns of a box that contains it."""
-    rows, columns = inner
-    top, left = outer[0].start, outer[1].start
-    return slice(rows.start - top, rows.stop - top), slice(columns.start - left, columns.stop - left)

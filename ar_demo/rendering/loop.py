@@ -15,6 +15,7 @@ from ..choices import Backend
 from ..compositing.compositor import Compositor, open_compositor
 from ..compositing.separation import Insert
 from ..errors import InputError
+from ..media.mattes import GivenMatte
 from ..media.reader import Frame, VideoReader
 from ..scene.conditions import Appearance, Conditions
 from ..scene.first_light import FirstLight
@@ -52,6 +53,9 @@ class _Drawn:
         self.painter = Painter(surface, track.quad, (reader.info.width, reader.info.height), compositor)
         self._poses, self._opacities = presentation(track, surface)
         self._begin, _ = track.seconds
+        self.matte: GivenMatte | None = None
+        if surface.matte is not None:
+            self.matte = GivenMatte(surface.matte, reader.info, range(len(track), len(reader.times) + 1))
         self._appearance: Appearance | None = None
         if surface.in_scene:
             at = track.reference_frame
@@ -75,7 +79,7 @@ class _Drawn:
         lost, cut = track.states[index] == "lost", index in track.cuts
         motion = track.motion(index)
         found = self._appearance.conditions(
-            image, track.corners[index], float(track.deviation[index]), lost, cut, motion
+            image, track.corners[index], float(track.deviation[index]), lost, cut, motion, self._matte_at(index)
         )
         # By the frame's own number, so that a part of the video has the grain that it has in the whole.
         return found if found.grain is None else changed(found, grain=changed(found.grain, number=index))
@@ -86,7 +90,12 @@ class _Drawn:
             return None
         pose, opacity = self._poses[frame.index], float(self._opacities[frame.index])
         after = elapsed - self._begin
-        return self.painter.draw(frame.image, pose, opacity, after, conditions, cover, frame.hdr)
+        matte = self._matte_at(frame.index)
+        return self.painter.draw(frame.image, pose, opacity, after, conditions, cover, frame.hdr, matte)
+
+    def _matte_at(self, index: int) -> Grey | None:
+        """The matte (H, W) that is given for a frame."""
+        return None if self.matte is None else self.matte.at(index)
 
 
 def _track(surface: Surface) -> Track:
@@ -129,6 +138,8 @@ class Renderer(AbstractContextManager["Renderer"]):
             for surface, light in zip(surfaces, lights, strict=True):
                 drawn = _Drawn(surface, _track(surface), light, reader, self._compositor, frames)
                 opened.enter_context(drawn.painter)
+                if drawn.matte is not None:
+                    opened.enter_context(drawn.matte)
                 self._drawn.append(drawn)
             self._opened = opened.pop_all()
 
@@ -139,6 +150,11 @@ class Renderer(AbstractContextManager["Renderer"]):
     def description(self) -> str:
         """What draws: backend and renderer."""
         return self._compositor.description
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is wrong with files that belong to surfaces."""
+        return [warning for drawn in self._drawn if drawn.matte is not None for warning in drawn.matte.warnings]
 
     @property
     def length(self) -> int:

@@ -12,10 +12,11 @@ from hdn.imaging.arrays import Array, Box, Floats, Grey, Image, Picture
 from hdn.imaging.homography import from_corners
 from hdn.imaging.quads import mean_size, outline
 
+from ..compositing.bound import in_front
 from ..compositing.compositor import Compositor
 from ..compositing.effects import outlined, texture
 from ..compositing.fit import fit_region, quad_aspect
-from ..compositing.layer import Frame, Layer, in_float, peak
+from ..compositing.layer import Frame, Layer, in_float, overlap, peak, within
 from ..compositing.merge import blurred_layer, merge
 from ..compositing.raster import WHOLE
 from ..compositing.spill import without_spill
@@ -27,6 +28,7 @@ from ..media.ad import Ad, open_ad
 from ..scene.conditions import Conditions
 from ..scene.grain import Grain
 from ..scene.light import GRID, Light, as_it_was
+from ..scene.occlusion import Occluder
 from ..surface import Surface
 
 NO_AD = "no ad is given: name a video or image, or choose --effect mosaic, blur or outline"
@@ -83,6 +85,7 @@ class Painter(AbstractContextManager["Painter"]):
         conditions: Conditions | None = None,
         cover: Grey | None = None,
         hdr: Hdr | None = None,
+        matte: Grey | None = None,
     ) -> Box | None:
         """Draws into a frame (H, W, 3), in place.
 
@@ -93,6 +96,7 @@ class Painter(AbstractContextManager["Painter"]):
             conditions: under which the surface is seen; None draws an ad as it is.
             cover: (H, W) 0..1, how much of each pixel is covered already; this is added.
             hdr: how the frame's samples stand for light; None for SDR.
+            matte: (H, W) 0..1, the most of each pixel that an ad takes; None leaves that to the conditions.
 
         Returns:
             The part of the frame that may have changed; None for none.
@@ -112,6 +116,8 @@ class Painter(AbstractContextManager["Painter"]):
             if deep:
                 layer = Layer(layer.box, in_float(layer.rgba))
             layer, occluder = self._as_seen(layer, pose, conditions, image.shape[:2]), conditions.occluder
+            if matte is not None:
+                occluder = _in_front(image, layer, strength, matte, occluder, hdr)
             if self._fills_the_surface and hdr is None:
                 without_spill(image, layer, pose, float(np.trace(conditions.blur)) / 2, occluder)
         return merge(image, layer, self.surface.blend, strength, occluder, cover, hdr)
@@ -177,7 +183,9 @@ class Painter(AbstractContextManager["Painter"]):
         size = tuple(max(1, n // shrink) for n in picture.shape[1::-1])
         small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA) if shrink > 1 else picture
         corners = np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1]]) * size - 0.5
-        grid_to_picture = from_corners(outline(GRID, GRID), corners)
+        inset = self.surface.inset * GRID / self._size  # cells
+        on_grid = outline(GRID, GRID) + inset * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+        grid_to_picture = from_corners(on_grid, corners)
         self._lit = picture, light, lit(small, light.over(grid_to_picture, size), deep)
         return self._lit[2]
 
@@ -188,6 +196,23 @@ class Painter(AbstractContextManager["Painter"]):
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+
+def _in_front(
+    image: Frame, layer: Layer, opacity: float, matte: Grey, known: Occluder | None, hdr: Hdr | None
+) -> Occluder:
+    """What a matte leaves in front of a layer on a frame; known: has what is behind it, where that is told."""
+    part = image[layer.box]
+    if part.dtype != np.uint8:
+        deep = np.asarray(part, np.uint16)
+        part = ((deep if hdr is None else hdr.to_sdr(deep)) >> 8).astype(np.uint8)
+    behind = None
+    if known is not None:
+        behind = part.astype(np.float32)
+        shared = overlap(layer.box, known.box)
+        if shared is not None:
+            behind[within(shared, layer.box)] = known.behind[within(shared, known.box)]
+    return in_front(layer, opacity, matte, np.asarray(part, np.uint8), behind)
 
 
 def grained(layer: Layer, grain: Grain) -> Layer:

@@ -147,17 +147,24 @@ class Appearance:
             self._grain.forget()
 
     def conditions(
-        self, frame: Image, pose: Array, deviation: float, lost: bool, cut: bool, motion: Array = STILL
+        self,
+        frame: Image,
+        pose: Array,
+        deviation: float,
+        lost: bool,
+        cut: bool,
+        motion: Array = STILL,
+        matte: Grey | None = None,
     ) -> Conditions:
         """The conditions in the next frame, as far as tracking knows the surface in it.
 
         Args:
-            pose, deviation, motion: as `see` takes them, or not finite.
+            pose, deviation, motion, matte: as `see` takes them, or not finite.
             cut: whether the frame begins another shot.
         """
         if cut:
             self.forget()
-        return self.last() if lost or not np.isfinite(pose).all() else self.see(frame, pose, deviation, motion)
+        return self.last() if lost or not np.isfinite(pose).all() else self.see(frame, pose, deviation, motion, matte)
 
     def last(self) -> Conditions:
         """The conditions of a frame that nothing can be told of: the last light, and nothing else."""
@@ -167,12 +174,15 @@ class Appearance:
         soft = self._softness.variance if self._softness is not None else 0.0
         return Conditions(light, None, soft * np.eye(2), STILL, grain)
 
-    def see(self, frame: Image, pose: Array, deviation: float, motion: Array = STILL) -> Conditions:
+    def see(
+        self, frame: Image, pose: Array, deviation: float, motion: Array = STILL, matte: Grey | None = None
+    ) -> Conditions:
         """The conditions in a frame (H, W, 3) in which the surface has the corners `pose` (4, 2).
 
         Args:
             deviation: px, standard deviation of the corners; infinite where it is not known.
             motion: (4, 2) px from one frame to the next, of the corners in this one.
+            matte: (H, W) 1 where the surface is seen, 0 where something is in front; None tells it.
         """
         part = _Box(frame, pose)
         if part.image.size == 0 or not is_drawable(pose):
@@ -186,7 +196,7 @@ class Appearance:
         crop_to_frame = from_corners(self._outline, pose)
         scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
         slack = min(deviation, MODEL.unknown_deviation_px) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
-        seen = self._seen(frame, pose) * inside
+        seen = (self._seen(frame, pose) if matte is None else self._seen_by(matte, pose)) * inside
         hidden = occlusion.find((1 - seen) * inside)
         way, streak = self._streak(view, inside, motion, np.asarray(np.linalg.inv(scale), np.float64))
         template = _blurred(self._template, streak)
@@ -205,7 +215,10 @@ class Appearance:
         occluder = None
         if hidden.any():
             in_all = blur_in_frame + scale @ streak @ scale.T
-            occluder = self._cut_out(Outline.of(hidden, view), frame, pose, in_all, light)
+            if matte is None:
+                occluder = self._cut_out(Outline.of(hidden, view), frame, pose, in_all, light)
+            else:
+                occluder = self._behind(part, pose, in_all, light)
         if self._softness is not None:  # want of focus that both tell counts once
             more = self._softness.see(frame, pose) - float(np.linalg.eigvalsh(blur_in_frame).min())
             blur_in_frame = blur_in_frame + max(more, 0.0) * np.eye(2)
@@ -253,6 +266,12 @@ class Appearance:
         to_part = part.to_box @ from_corners(self._quad, pose)
         seen = self._occlusion.seen(Observation(part.image), to_part)
         return np.asarray(cv2.resize(seen, (self._width, self._height), interpolation=cv2.INTER_LINEAR), np.float32)
+
+    def _seen_by(self, matte: Grey, pose: Array) -> Floats:
+        """The same by a matte (H, W)."""
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        seen = cv2.warpPerspective(matte, from_corners(self._outline, pose), (self._width, self._height), flags=flags)
+        return np.asarray(seen, np.float32)
 
     def _streak(self, view: Floats, inside: Grey, motion: Array, to_crop: Array) -> tuple[Array, Array]:
         """The way (4, 2) px of the corners while the shutter is open, and the blur (2, 2) of that, px^2 of the crop."""
@@ -319,8 +338,19 @@ class Appearance:
         part = _Box(frame, transform(crop_to_frame, around))
         if part.image.size == 0:
             return None
+        surface, mine = self._surface_in(part, pose, blur, light)
+        return outline.cut_out(part.image.astype(np.float32), surface, mine, part.to_box @ crop_to_frame, part.box)
+
+    def _behind(self, part: "_Box", pose: Array, blur: Array, light: Light) -> Occluder:
+        """What is behind an occluder that a matte gives, and is cut out with the layer: see `compositing.bound`."""
+        surface, _ = self._surface_in(part, pose, blur, light)
+        nothing = np.zeros_like(surface)
+        return Occluder(part.box, nothing, nothing, surface)
+
+    def _surface_in(self, part: "_Box", pose: Array, blur: Array, light: Light) -> tuple[Floats, Floats]:
+        """A part of the frame as it would look with nothing in front (h, w, 3), and the surface's share (h, w, 1)."""
         height, width = part.image.shape[:2]
-        crop_to_part = part.to_box @ crop_to_frame
+        crop_to_part = part.to_box @ from_corners(self._outline, pose)
         part_to_reference = self._reference.to_box @ from_corners(pose, self._quad) @ np.linalg.inv(part.to_box)
         own = Pyramid(self._reference.image).crop(part_to_reference, width, height)
         on_part = light.over(crop_to_part @ self._grid_to_crop, (width, height))
@@ -329,7 +359,7 @@ class Appearance:
         # Beside the surface there is what there is.
         mine = np.ones((self._height, self._width), np.float32)
         mine = cv2.warpPerspective(mine, crop_to_part, (width, height))[..., None]
-        return outline.cut_out(seen, seen + mine * (surface - seen), mine, crop_to_part, part.box)
+        return seen + mine * (surface - seen), mine
 
 
 class _Box:

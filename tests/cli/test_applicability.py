@@ -65,6 +65,7 @@ OPTIONS: dict[str, list[str]] = {
     "softness": ["--softness", "off"],
     "first_light": ["--first-light", "even"],
     "surface_kind": ["--surface-kind", "screen"],
+    "matte": ["--matte", "roto.mov"],
     "effect": ["--effect", "mosaic"],
     "audio": ["--audio", "mix"],
     "streams": ["--streams", "first"],

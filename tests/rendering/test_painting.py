@@ -105,6 +105,17 @@ def test_much_the_same_light_is_not_worked_out_anew(compositor: Compositor, tmp_
     assert pictures[1] is not pictures[2]
 
 
+def test_an_inset_ad_is_in_the_light_of_its_own_place(compositor: Compositor, tmp_path: Path) -> None:
+    ad = ad_of(tmp_path / "ad.png", (200, 200, 200))
+    gain = np.repeat(np.linspace(0.2, 1, GRID, dtype=np.float32)[None, :, None], GRID, 0)  # dark on the left
+    light = Light(np.repeat(gain, 3, 2), np.zeros((GRID, GRID), np.float32))
+    conditions = Conditions(light, None, np.zeros((2, 2)))
+    whole = painted(compositor, frame_of(), conditions, ad=ad)
+    inset = painted(compositor, frame_of(), conditions, ad=ad, inset=40)
+    inside = np.s_[100:140, 110:200]
+    assert np.abs(whole[inside].astype(int) - inset[inside]).max() <= 3
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 @pytest.mark.parametrize("channels", [3, 4])
 def test_lit_pictures_are_within_white_and_keep_their_alpha(dtype: type, channels: int) -> None:
