@@ -64,8 +64,20 @@ class BlurModel:
     faint_px2: float = 3.0  # of the frame: so much the ad does not take on, twice as much it does in full
 
 
+@dataclass(frozen=True)
+class RestModel:
+    """When a surface is taken to be seen as it was in a frame before, so that it need not be compared anew."""
+
+    most_frames: int = 3  # in a row
+    after_frames: int = 8  # that were compared, since the surface was lost or the shot began
+    cell_px: int = 8  # of the crop: side of the cells whose means are looked at ...
+    cell_grey: float = 8.0  # ... of which none has changed by so much ...
+    mean_grey: float = 1.0  # ... nor the whole by that
+
+
 MODEL = ComparisonModel()
 BLUR = BlurModel()
+REST = RestModel()
 STILL: Array = np.zeros((4, 2))
 
 
@@ -87,6 +99,21 @@ class Conditions:
     blur: Array
     way: Array = field(default_factory=lambda: STILL)
     grain: Grain | None = None
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """What a frame told in which nothing hid the surface: its view, the light, and the blur, px^2 of the crop."""
+
+    view: Floats
+    light: Light
+    blur: Array
+
+    def looks_like(self, view: Floats) -> bool:
+        """Whether another view is much the same."""
+        size = [max(side // REST.cell_px, 1) for side in view.shape[1::-1]]
+        cells = cv2.resize(cv2.subtract(view, self.view), size, interpolation=cv2.INTER_AREA)
+        return bool(np.abs(cells).max() < REST.cell_grey and np.abs(cells.mean((0, 1))).max() < REST.mean_grey)
 
 
 class Appearance:
@@ -140,11 +167,17 @@ class Appearance:
         """Begins anew, as after a cut: the light may be another now."""
         self._light: Light | None = None
         self._lost = False
+        self._begin()
         self._shutter = Shutter(self._degrees)
         if self._softness is not None:
             self._softness.forget()
         if self._grain is not None:
             self._grain.forget()
+
+    def _begin(self) -> None:
+        """Nothing has been compared that further frames might look like."""
+        self._compared: _Compared | None = None
+        self._count = self._rested = 0  # frames that were compared; those since that were not
 
     def conditions(
         self,
@@ -169,6 +202,7 @@ class Appearance:
     def last(self) -> Conditions:
         """The conditions of a frame that nothing can be told of: the last light, and nothing else."""
         self._lost = True
+        self._begin()
         grain = self._grain.missed() if self._grain is not None else None
         light = self._exposed(self._light or relighting.as_it_was())
         soft = self._softness.variance if self._softness is not None else 0.0
@@ -192,6 +226,8 @@ class Appearance:
             return self.last()
         if self._lost:
             self._light, self._lost = None, False
+        if matte is None and self._rests(part, view, deviation):
+            return self._as_before(frame, pose, motion)
         pose, view, inside = self._aligned(part, pose, view, inside)
         crop_to_frame = from_corners(self._outline, pose)
         scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
@@ -219,10 +255,34 @@ class Appearance:
                 occluder = self._cut_out(Outline.of(hidden, view), frame, pose, in_all, light)
             else:
                 occluder = self._behind(part, pose, in_all, light)
+        is_clear = matte is None and part.whole and not hidden.any()
+        self._compared = _Compared(view, light, blur) if is_clear else None
+        self._count, self._rested = self._count + 1, 0
         if self._softness is not None:  # want of focus that both tell counts once
             more = self._softness.see(frame, pose) - float(np.linalg.eigvalsh(blur_in_frame).min())
             blur_in_frame = blur_in_frame + max(more, 0.0) * np.eye(2)
         return Conditions(self._exposed(light), occluder, blur_in_frame, way, grain)
+
+    def _rests(self, part: "_Box", view: Floats, deviation: float) -> bool:
+        """Whether a frame shows the surface as it was when it was compared last, not long ago."""
+        last = self._compared
+        if last is None or self._count < REST.after_frames or self._rested >= REST.most_frames:
+            return False
+        return part.whole and deviation < MODEL.unknown_deviation_px and last.looks_like(view)
+
+    def _as_before(self, frame: Image, pose: Array, motion: Array) -> Conditions:
+        """The conditions in a frame that shows the surface as it was when it was compared last."""
+        last = self._compared
+        assert last is not None
+        self._rested += 1
+        scale = derivative(from_corners(self._outline, pose), np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
+        blur_in_frame = scale @ _worth(last.blur) @ scale.T
+        if self._softness is not None:
+            more = self._softness.variance - float(np.linalg.eigvalsh(blur_in_frame).min())
+            blur_in_frame = blur_in_frame + max(more, 0.0) * np.eye(2)
+        way = self._shutter.share * motion if np.isfinite(motion).all() else STILL
+        grain = self._grain.passed(frame, pose) if self._grain is not None else None
+        return Conditions(self._exposed(last.light), None, blur_in_frame, way, grain)
 
     def _rectify(self, part: "_Box", pose: Array) -> tuple[Floats, Grey]:
         """The surface (h, w, 3) in a part of a frame, and which of it lies in the frame (h, w), 0 or 1."""

@@ -116,13 +116,21 @@ class GrainMeter:
 
     def see(self, frame: Image, pose: Array) -> Grain | None:
         """The grain in a frame (H, W, 3) in which the surface has the corners (4, 2); None where it is not known."""
+        before = self._before
+        self._look(frame, pose)
+        if self._before is not None and before is not None:
+            self._learn(self._before, before)
+        return self.grain
+
+    def passed(self, frame: Image, pose: Array) -> Grain | None:
+        """The grain in a frame, see `see`, as it is known already: so much costs less."""
+        self._look(frame, pose)
+        return self.grain
+
+    def _look(self, frame: Image, pose: Array) -> None:
         self._number += 1
         box = _window(frame, pose)
-        now = None if box is None else (frame[box].copy(), np.array([box[1].start, box[0].start], float), pose)
-        if now is not None and self._before is not None:
-            self._learn(now, self._before)
-        self._before = now
-        return self.grain
+        self._before = None if box is None else (frame[box].copy(), np.array([box[1].start, box[0].start], float), pose)
 
     def missed(self) -> Grain | None:
         """The grain in a frame that does not tell it, as before: another pattern all the same."""

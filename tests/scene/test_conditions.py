@@ -13,7 +13,7 @@ from ar_demo.compositing.opencv import CvCompositor
 from ar_demo.media.reader import VideoReader
 from ar_demo.options import OutputOptions
 from ar_demo.rendering.painting import Painter
-from ar_demo.scene.conditions import Appearance, Conditions
+from ar_demo.scene.conditions import REST, Appearance, Conditions
 from ar_demo.scene.light import as_it_was, exposure
 from ar_demo.surface import Surface
 from ar_demo.tracks import Source, Track
@@ -351,3 +351,34 @@ def test_a_video_end_to_end(reference: np.ndarray, ad: Path, tmp_path: Path, fra
     assert last[230, 320] == pytest.approx(RED if flat or frames == 1 else np.sqrt(gain[230, 320]) * RED, abs=12)
     if frames > 1:
         assert last[280, 250] == pytest.approx(RED if flat else [40, 150, 60], abs=12)
+
+
+def test_a_surface_that_looks_as_before_is_not_compared_anew(reference: np.ndarray, matte: Matte) -> None:
+    """But now and then; and at once where something comes before it, or the light changes."""
+    asked: list[int] = []
+
+    class Counted(Matte):
+        def __call__(self, *crops: np.ndarray | None) -> np.ndarray:
+            asked.append(len(asked))
+            return matte(*crops)  # type: ignore[arg-type]
+
+    appearance = Appearance(reference, SCENE.quad, Counted(matte.function, ""), softness=False)
+    rng = np.random.default_rng(0)
+
+    def noisy(frame: np.ndarray) -> np.ndarray:
+        return np.clip(frame + rng.normal(0, 3, frame.shape), 0, 255).astype(np.uint8)
+
+    for _ in range(REST.after_frames):
+        compared = appearance.see(noisy(reference), SCENE.quad, 0.3)
+    assert len(asked) == REST.after_frames
+    for _ in range(2 * (REST.most_frames + 1)):
+        resting = appearance.see(noisy(reference), SCENE.quad, 0.3)
+        assert resting.light.differs(compared.light) < 0.02
+        assert resting.grain is not None
+    assert len(asked) == REST.after_frames + 2
+    assert hidden(appearance.see(noisy(passer_by(reference)[0]), SCENE.quad, 0.3)).any()
+    for _ in range(REST.after_frames):
+        appearance.see(noisy(reference), SCENE.quad, 0.3)
+    count = len(asked)
+    appearance.see(noisy((reference * 0.9).astype(np.uint8)), SCENE.quad, 0.3)
+    assert len(asked) == count + 1
