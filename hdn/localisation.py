@@ -132,6 +132,7 @@ class FrameSearch:
         self._target, self._pose, self._frame = target, pose, frame
         self._proposal: Proposal | None = None
         self._by_keypoints: Expectation | None = None
+        self._sighted: Array | None = None  # (3, 3) where matches that cannot be mistaken have the target
         self.rest = replace(pose.rest, left=max(pose.rest.left - 1, 0))
         self.is_lost = not target.is_holdable(pose.homography, pose.covariance)
         self.is_hard = False
@@ -262,6 +263,8 @@ class FrameSearch:
             found = target.keypoints.find(self._frame, target.refiner)
         if found is None or not target.is_plausible(found.homography):
             return self._proposed(target.proposer.survey(self._frame.colour, self._pose.homography))
+        if found.distinct >= MODEL.sure_matches:
+            self._sighted = found.homography
         seen = target.occlusion.seen(self._frame, found.homography)
         near = self._aligned(found.homography, None, _together(found.covariance, START_COVARIANCE), seen=seen)
         # Where little is seen they may be too far off for the matte; they vouch for the pose as HDN would then.
@@ -289,13 +292,22 @@ class FrameSearch:
     def _is_unlikely(self, candidate: Candidate) -> bool:
         """Whether a candidate is far from where the target has to be, and not supported well enough for that.
 
-        Patterns that repeat agree in many places.
+        Patterns that repeat agree in many places. Where matches that cannot be mistaken have the candidate, what is
+        expected has to be sharp to stand against them: it may have gone with something in front.
         """
-        if not self.looks_at_plane or candidate.support >= MODEL.sure_support:
+        if not self.looks_at_plane or candidate.support >= MODEL.sure_support or not self.expectation.is_measured:
             return False
-        expected = self.expectation
-        apart = self._target.corners(candidate.homography) - self._target.corners(expected.homography)
-        return expected.is_measured and bool(np.linalg.norm(apart, axis=1).mean() > self._likely_distance)
+        expected, target = self.expectation, self._target
+        if self._sighted is not None and not target.is_sharp(expected.homography, expected.covariance):
+            size = side(target.corners(self._sighted))
+            if self._apart(candidate.homography, self._sighted) < MODEL.likely_ratio * size:
+                return False
+        return self._apart(candidate.homography, expected.homography) > self._likely_distance
+
+    def _apart(self, one: Array, other: Array) -> float:
+        """Mean distance of the target's corners by two poses (3, 3), px."""
+        apart = self._target.corners(one) - self._target.corners(other)
+        return float(np.linalg.norm(apart, axis=1).mean())
 
     @property
     def _likely_distance(self) -> float:

@@ -1,14 +1,16 @@
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
-from hdn import InputError, Tracker
+from hdn import InputError, Observation, Tracker
+from hdn.alignment.refinement import NO_BLUR
 from hdn.evidence import Evidence, is_fix
 from hdn.imaging.arrays import Image
 from hdn.imaging.homography import from_corners
-from hdn.localisation import FrameSearch
+from hdn.localisation import Expectation, FrameSearch
 from hdn.networks.engine import Engine
 
 from .scenes import Scene, error, moved, path
@@ -202,6 +204,27 @@ def test_keypoints_place_a_lost_target_of_which_a_third_is_seen(engine: Engine) 
     found = [tracker.track(frame) for _ in range(3)][-1]
     assert found.state != "lost"
     assert error(found.corners, there) < 5
+
+
+@pytest.mark.parametrize(("spread", "found"), [(9.0, True), (0.01, False)], ids=["vague", "sharp"])
+def test_keypoints_that_cannot_be_mistaken_overrule_an_expected_place_that_is_not_sharp(
+    engine: Engine, spread: float, found: bool
+) -> None:
+    scene = Scene(640, 480, seed=1)
+    scene.quad = scene.quad * 2
+    tracker = Tracker(engine=engine)
+    tracker.init(scene.draw(scene.quad), scene.quad)
+    there = moved(scene.quad, (-150, 60), 0.9)
+    frame = scene.draw(there)
+    middle = int(there[:, 0].mean())
+    frame[:, middle:] = (120, 120, 118)
+    search = FrameSearch(tracker.target, replace(tracker.pose, missed=2), Observation(frame))
+    search.is_hard = True
+    search.expectation = Expectation(np.eye(3), np.eye(8) * spread, True, None, NO_BLUR)
+    candidate = search.anywhere()
+    assert error(tracker.target.corners(candidate.homography), there) < 3
+    assert candidate.support < 0.6
+    assert search.is_found(candidate) is found
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ they only have to be alike there.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import cv2
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from ..alignment.refinement import Refiner
 from ..imaging.arrays import Array, Floats, Image, Mask
 from ..imaging.homography import normalised, transform
-from ..imaging.observation import Keypoints, Observation, find_keypoints
+from ..imaging.observation import SEARCH, Keypoints, Observation, find_keypoints
 from ..imaging.photometry import MAD_TO_DEVIATION
 from ..imaging.quads import side
 from .plane_map import PlaneMap
@@ -33,6 +34,8 @@ class KeypointModel:
     min_inliers: int = 12  # matches that agree on a homography
     tolerance_px: float = 3.0  # of the frame, that a match may be off from it
     least_error_px: float = 1.5  # standard deviation of a match, at least: some of those that agree do so by chance
+    alike: float = 250.0  # distance of descriptors, about 512 long, that nine true matches in ten stay below
+    apart_px: float = 10.0  # of the reference frame: a point has several descriptors, which are no others
     weak_prior: float = 1e-4  # px^-2 of the standard crop: information that stands for nothing known
     # Standard deviation that errors which matches share add to the eight parameters of a pose, px at the edge of the
     # standard crop.
@@ -50,11 +53,14 @@ class KeypointPose(NamedTuple):
         homography: (3, 3) reference frame to this one.
         covariance: (8, 8) of it, as `Alignment` tells it.
         matches: that agree on it.
+        distinct: those of them that nothing else in the reference frame looks like; 0 about an expected pose, where it
+            is not asked.
     """
 
     homography: Array
     covariance: Array
     matches: int
+    distinct: int
 
 
 class PlaneKeypoints:
@@ -67,6 +73,7 @@ class PlaneKeypoints:
         plane: the target's map, which tells what around the target lies on its plane.
         usable: (H, W) 255 where the reference frame may be looked at; None takes all of it.
         """
+        self._reference = frame.grey
         self._quad, self._plane, self._known = quad, plane, plane.texture.known.copy()
         points, descriptors = _usable(find_keypoints(frame.grey, MODEL.max_of_target, within=quad), usable)
         self._points, self._descriptors = [points], [descriptors]
@@ -93,7 +100,7 @@ class PlaneKeypoints:
             near: a pose (3, 3), reference frame to this one, and how far, px, a match may be from where that has it;
                 None looks at the whole frame.
         """
-        counts = self._counting
+        counts = np.flatnonzero(self._counting)
         source, own = np.concatenate(self._points)[counts], np.concatenate(self._descriptors)[counts]
         if len(source) < MODEL.min_inliers:
             return None
@@ -101,10 +108,10 @@ class PlaneKeypoints:
         if len(points) < MODEL.min_inliers:
             return None
         pairs = _matches(own, descriptors)
-        source, target = source[pairs[:, 0]], points[pairs[:, 1]]
+        source, target, counts = source[pairs[:, 0]], points[pairs[:, 1]], counts[pairs[:, 0]]
         if near is not None:
             is_near = np.linalg.norm(transform(near[0], source) - target, axis=1) < near[1]
-            source, target = source[is_near], target[is_near]
+            source, target, counts = source[is_near], target[is_near], counts[is_near]
         if len(source) < MODEL.min_inliers:
             return None
         homography, inliers = cv2.findHomography(source, target, cv2.USAC_MAGSAC, MODEL.tolerance_px)
@@ -112,7 +119,8 @@ class PlaneKeypoints:
             return None
         pose, agree = normalised(np.asarray(homography, np.float64)), np.asarray(inliers, bool)[:, 0]
         covariance = covariance_of_matches(refiner, pose, source[agree], target[agree])
-        return KeypointPose(pose, covariance, int(np.count_nonzero(agree)))
+        distinct = self._count_distinct(counts[agree]) if near is None else 0
+        return KeypointPose(pose, covariance, int(np.count_nonzero(agree)), distinct)
 
     def _add(self, points: Array, descriptors: Floats) -> None:
         """Adds keypoints (N, 2) around the target, px of the reference frame."""
@@ -128,6 +136,19 @@ class PlaneKeypoints:
         """Which keypoints (N,) lie on the target's plane, as far as that is known."""
         cells = np.concatenate(self._cells)
         return np.asarray((cells < 0) | (self._plane.coplanar.ravel()[cells] > MODEL.proved))
+
+    def _count_distinct(self, indices: NDArray[np.int_]) -> int:
+        """How many of some keypoints are distinct; of those that the map has grown by none is."""
+        return int(np.count_nonzero(self._distinct[indices[indices < len(self._distinct)]]))
+
+    @cached_property
+    def _distinct(self) -> Mask:
+        """Which of the reference frame's keypoints (N,), which are the first, look like nothing else in it."""
+        points, own = np.concatenate(self._points[:2]), np.concatenate(self._descriptors[:2])
+        others, descriptors = find_keypoints(self._reference, SEARCH.max_in_frame)
+        is_alike = _square_distances(own, descriptors) < MODEL.alike**2
+        is_apart = np.linalg.norm(points[:, None] - others, axis=2) > MODEL.apart_px
+        return np.asarray(~(is_alike & is_apart).any(1))
 
     def _about(self, frame: Observation, expected: Array, reach: float) -> Keypoints:
         """The keypoints of a frame about an expected pose (3, 3), and so many px beyond."""
@@ -149,10 +170,15 @@ def _usable(keypoints: Keypoints, usable: Image | None) -> Keypoints:
 
 def _matches(own: Floats, other: Floats) -> NDArray[np.int_]:
     """Pairs (M, 2) of indices of descriptors (N, 128) and (K, 128): the nearest ones, where clearly nearer than all."""
-    square = np.square(own).sum(1)[:, None] + np.square(other).sum(1) - 2 * own @ other.T
+    square = _square_distances(own, other)
     first, second = np.sqrt(np.maximum(np.partition(square, 1, axis=1)[:, :2], 0)).T
     good = first < MODEL.max_distance_ratio * second
     return np.stack([np.flatnonzero(good), square[good].argmin(1)], 1)
+
+
+def _square_distances(own: Floats, other: Floats) -> Floats:
+    """Between descriptors (N, 128) and (K, 128): (N, K)."""
+    return np.asarray(np.square(own).sum(1)[:, None] + np.square(other).sum(1) - 2 * own @ other.T, np.float32)
 
 
 def covariance_of_matches(refiner: Refiner, homography: Array, source: Array, target: Array) -> Array:

@@ -59,6 +59,22 @@ def test_a_hidden_target_is_placed_by_what_surrounds_it(wall: Wall, refiner: Ref
     assert points.find(hidden, refiner) is None
 
 
+def test_what_the_reference_frame_shows_twice_is_not_distinct(wall: Wall, refiner: Refiner) -> None:
+    alone, quad = wall.view(REFERENCE), transform(REFERENCE, POSTER)
+    (left, top), (right, bottom) = quad.min(0).astype(int), quad.max(0).astype(int) + 1
+    twice = alone.copy()
+    twice[top:bottom, 20 : 20 + right - left] = alone[top:bottom, left:right]
+    frame = Observation(wall.view(THERE))
+    found = [
+        PlaneKeypoints(Observation(reference), quad, mapped(wall, REFERENCE)).find(frame, refiner)
+        for reference in (alone, twice)
+    ]
+    assert found[0] is not None
+    assert found[1] is not None
+    assert found[0].distinct > 0.9 * found[0].matches
+    assert found[0].distinct - found[1].distinct > 30
+
+
 def test_they_grow_with_the_map(wall: Wall, refiner: Refiner) -> None:
     poses = panned(40)
     plane = mapped(wall, poses[0])
