@@ -22,7 +22,8 @@ class Result:
         compositor: backend and renderer.
         warnings: what went differently from what was asked, one sentence each.
         surfaces: of each surface its ad, the states of its frames, and what is told of the light on it in its reference
-            frame: the least gain, the most glare, whether they move on; None for nothing.
+            frame: the least gain, the most glare, whether they move on; None for nothing; and whether it is blank, so
+            that colour and border tell what is in front of it.
         dropped: frames of a live source that came too fast; None where there was no such source.
         verdict: whether the tracks can be believed unseen; None where they are not kept, as of a live source.
     """

@@ -322,7 +322,7 @@ class Session(AbstractContextManager["Session"]):
                 of_track = counted(length, "frame")
                 warnings.append(f"{self.reader.path} has only {count} of the track's {of_track}: the rest is left out")
             warnings += ends_warnings(tracks, count if part is None else len(self.reader.times))
-            description, lights = renderer.description, renderer.first_lights
+            description, lights, blank = renderer.description, renderer.first_lights, renderer.blank
         return Result(
             video,
             count,
@@ -331,8 +331,8 @@ class Session(AbstractContextManager["Session"]):
             description,
             list(dict.fromkeys([*warnings, *(streams.warnings if streams else [])])),
             [
-                {"ad": surface.name, "states": track.counts_in(part), "first_light": light}
-                for surface, track, light in zip(surfaces, tracks, lights, strict=True)
+                {"ad": surface.name, "states": track.counts_in(part), "first_light": light, "blank": is_blank}
+                for surface, track, light, is_blank in zip(surfaces, tracks, lights, blank, strict=True)
             ],
             layer=outputs.layer.path if outputs.layer else None,
             matte=outputs.matte.path if outputs.matte else None,

@@ -1,5 +1,6 @@
 """The render loop: ads onto their tracked surfaces, frame by frame."""
 
+import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace as changed
@@ -24,6 +25,8 @@ from ..tracks import Track
 from .painting import Painter
 from .presentation import presentation
 from .study import Frames, first_lights
+
+log = logging.getLogger(__name__)
 
 RUN_UP_FRAMES = 50  # before a part of a video, of which its light, grain and shutter are known
 
@@ -70,6 +73,11 @@ class _Drawn:
                     first_light=first_light,
                     shines=surface.surface_kind == "screen",
                 )
+
+    @property
+    def is_blank(self) -> bool:
+        """Whether the surface has no texture, and what is in front of it has to be told by colour and border."""
+        return self.matte is None and self._appearance is not None and self._appearance.is_blank
 
     def conditions(self, index: int, image: Image) -> Conditions | None:
         """Under which the surface is seen in a frame (H, W, 3) of this index; None where nothing is told."""
@@ -126,6 +134,7 @@ class Renderer(AbstractContextManager["Renderer"]):
             RunError: the backend is not available.
 
         Attributes:
+            blank: of each surface whether it has no texture, so that colour and border tell what is in front of it.
             first_lights: of each surface what is told of the light in its reference frame; None for nothing.
         """
         self._reader = reader
@@ -141,6 +150,9 @@ class Renderer(AbstractContextManager["Renderer"]):
                 if drawn.matte is not None:
                     opened.enter_context(drawn.matte)
                 self._drawn.append(drawn)
+                if drawn.is_blank:
+                    log.info("%s: the surface is blank, so colour and border tell what is in front", surface.name)
+            self.blank = [drawn.is_blank for drawn in self._drawn]
             self._opened = opened.pop_all()
 
     def __exit__(self, *error: Any) -> None:

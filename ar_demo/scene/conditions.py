@@ -45,6 +45,7 @@ class ComparisonModel:
     min_shift_px: float = 1.0
     max_shift_ratio: float = 0.1
     left_by_shift: float = 0.7
+    blank_share: float = 0.15  # of a surface's cells with texture, below which it has none to be compared
     max_mirrored: float = 0.12  # share of a print's grey level that may be mirrored where shadows are told
 
 
@@ -117,7 +118,11 @@ class _Compared:
 
 
 class Appearance:
-    """Compares a surface in frame after frame with the reference frame."""
+    """Compares a surface in frame after frame with the reference frame.
+
+    Attributes:
+        is_blank: whether it has no texture: what is in front is told by colour and border alone then.
+    """
 
     def __init__(
         self,
@@ -155,6 +160,8 @@ class Appearance:
             height, width = self._reference.image.shape[:2]
             self._reference.image = first_light.moving.over(grid_to_box, (width, height)).off(self._reference.image)
         self._template, _ = self._rectify(self._reference, quad)
+        textured = relighting.shows(grey(self._template), grey(self._template))[1]
+        self.is_blank = float(textured.mean()) < MODEL.blank_share
         self._small_template = self._halved(grey(self._template))
         self._towards_edge = cv2.createHanningWindow(self._small_template.shape[::-1], cv2.CV_32F)
         self._occlusion = Occlusion(matte, Observation(reference), quad, Matte.size, framed=True)
@@ -233,6 +240,8 @@ class Appearance:
         scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
         slack = min(deviation, MODEL.unknown_deviation_px) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
         seen = (self._seen(frame, pose) if matte is None else self._seen_by(matte, pose)) * inside
+        if self.is_blank and matte is None:
+            seen = occlusion.seen_by_colour(seen, view, self._template) * inside
         hidden = occlusion.find((1 - seen) * inside)
         way, streak = self._streak(view, inside, motion, np.asarray(np.linalg.inv(scale), np.float64))
         template = _blurred(self._template, streak)

@@ -17,6 +17,8 @@ class OcclusionModel:
     likely: float = 0.1  # ... and from which it is so beside those
     beside_share: float = 0.03  # how far beside them, share of the crop's longer side
     min_sure_share: float = 0.002  # of the surface that must be surely hidden
+    # Before a surface without texture, where colours alone tell.
+    foreign_grey: tuple[float, float] = (24.0, 48.0)  # distance from its colour: surely the surface, surely not
     # Its edge.
     edge_share: float = 0.02  # half the width that a soft edge may have, share of the crop's longer side
     outline_px: float = 1.0  # of the crop, over which an edge is soft where colours do not tell
@@ -35,6 +37,27 @@ def find(hidden: Grey) -> Grey:
     kept[0] = False
     beside = cv2.dilate(kept[parts].astype(np.uint8), _disc(MODEL.beside_share, hidden.shape))
     return ((hidden > MODEL.likely) & (beside > 0)).astype(np.float32)
+
+
+def seen_by_colour(seen: Grey, view: Floats, template: Floats) -> Grey:
+    """How probably each pixel (h, w) of a view shows a surface of one colour, 0..1.
+
+    It does where it has that colour, and does not where it has another hue or is brighter; where it is darker, that may
+    be a shadow.
+
+    Args:
+        seen: (h, w) 0..1, what is known otherwise, which counts where it is darker.
+        view, template: (h, w, 3) grey levels, aligned.
+    """
+    mean = template.mean((0, 1))
+    axis = mean / max(float(np.linalg.norm(mean)), 1e-6)
+    along = view @ axis
+    aside = np.linalg.norm(view - along[..., None] * axis, axis=2)
+    brighter = along - template @ axis
+    brighter -= np.median(brighter)  # as most of it is: it is lit otherwise
+    foreign = np.interp(np.maximum(aside, brighter), MODEL.foreign_grey, [0, 1])
+    own = np.interp(np.maximum(aside, np.abs(brighter)), MODEL.foreign_grey, [1, 0])
+    return np.maximum(np.minimum(seen, 1 - foreign), own).astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -382,3 +382,35 @@ def test_a_surface_that_looks_as_before_is_not_compared_anew(reference: np.ndarr
     count = len(asked)
     appearance.see(noisy((reference * 0.9).astype(np.uint8)), SCENE.quad, 0.3)
     assert len(asked) == count + 1
+
+
+@pytest.mark.parametrize("colour", [(40, 170, 60), (12, 12, 14), (120, 120, 120)])
+def test_before_a_blank_surface_colour_tells_what_is_in_front(matte: Matte, colour: tuple[int, int, int]) -> None:
+    rng = np.random.default_rng(1)
+    quad = np.array([[90.0, 60], [330, 70], [320, 240], [100, 230]])
+    plate = cv2.GaussianBlur(rng.integers(0, 255, (300, 420, 3)).astype(np.uint8), (0, 0), 3)
+    cv2.fillConvexPoly(plate, quad.round().astype(int), colour)
+    inside, hand = np.zeros(plate.shape[:2], np.uint8), np.zeros(plate.shape[:2], np.uint8)
+    cv2.fillConvexPoly(inside, quad.round().astype(int), 1)
+    cv2.circle(hand, (220, 150), 40, 1, -1)
+    cv2.line(hand, (220, 150), (260, 299), 1, 34)
+
+    def noisy(image: np.ndarray) -> np.ndarray:
+        return np.clip(image + rng.normal(0, 2.5, image.shape), 0, 255).astype(np.uint8)
+
+    appearance = Appearance(noisy(plate), quad, matte, softness=False)
+    assert appearance.is_blank
+    shaded = plate * np.where(np.arange(420) < 200, 0.6, 1.0)[None, :, None]
+    assert look(appearance, noisy(shaded), quad).occluder is None
+    for skin in ((200, 150, 120), (110, 75, 60), (235, 200, 180)):
+        appearance.forget()
+        occluder = look(appearance, noisy(np.where(hand[..., None] > 0, skin, plate)), quad).occluder
+        assert occluder is not None
+        share = np.zeros(plate.shape[:2], np.float32)
+        share[occluder.box] = occluder.share[..., 0]
+        found, true = (share > 0.5) & (inside > 0), (hand > 0) & (inside > 0)
+        assert (found & true).sum() / (found | true).sum() > 0.97
+
+
+def test_a_print_is_not_blank(appearance: Appearance) -> None:
+    assert not appearance.is_blank
