@@ -146,9 +146,11 @@ class PlaneKeypoints:
         """Which of the reference frame's keypoints (N,), which are the first, look like nothing else in it."""
         points, own = np.concatenate(self._points[:2]), np.concatenate(self._descriptors[:2])
         others, descriptors = find_keypoints(self._reference, SEARCH.max_in_frame)
-        is_alike = _square_distances(own, descriptors) < MODEL.alike**2
-        is_apart = np.linalg.norm(points[:, None] - others, axis=2) > MODEL.apart_px
-        return np.asarray(~(is_alike & is_apart).any(1))
+        own_index, other_index = np.nonzero(_square_distances(own, descriptors) < MODEL.alike**2)
+        is_apart = np.linalg.norm(points[own_index] - others[other_index], axis=1) > MODEL.apart_px
+        distinct = np.ones(len(points), bool)
+        distinct[own_index[is_apart]] = False
+        return distinct
 
     def _about(self, frame: Observation, expected: Array, reach: float) -> Keypoints:
         """The keypoints of a frame about an expected pose (3, 3), and so many px beyond."""
