@@ -136,8 +136,8 @@ class GlCompositor(AbstractContextManager["GlCompositor"]):
     def __init__(self, context: moderngl.Context, kind: str) -> None:
         self.context = context
         renderer = context.info["GL_RENDERER"]
-        software = any(name in renderer.lower() for name in SOFTWARE)
-        self.description = f"moderngl {kind}, {renderer}" + ", in software" * software
+        self.in_software = any(name in renderer.lower() for name in SOFTWARE)
+        self.description = f"moderngl {kind}, {renderer}" + ", in software" * self.in_software
         self._max_side: int = context.info["GL_MAX_TEXTURE_SIZE"]
         self._programs: dict[tuple[bool, ...], moderngl.Program] = {}  # by the shader's switches
         try:
