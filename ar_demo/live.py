@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 
 from hdn import Observation
-from hdn.imaging.arrays import Array
+from hdn.imaging.arrays import Array, Picture
 from hdn.networks.loading import shared_matte
 from hdn.state import STATES, State
 
@@ -22,8 +22,10 @@ from .media.claims import Claim
 from .media.live_stream import Stream
 from .media.reader import Frame
 from .media.sinks import StreamWriter
+from .media.threads import behind
 from .media.writer import VideoWriter
 from .options import OutputOptions, TrackingOptions
+from .pace import Lateness, Pace
 from .progress import Listener, Stage, silent
 from .rendering.painting import Painter, check_ad
 from .rendering.presentation import FADE_SECONDS
@@ -40,13 +42,15 @@ from .words import counted
 log = logging.getLogger(__name__)
 
 STDOUT = Path("-")
+TOO_SLOW = "this machine is too slow for the source: light on the surface and what hides it were not measured"
 
 
 class LiveSession:
     """Puts ads on surfaces of a live source.
 
-    Each frame is written before the next one is taken; what comes meanwhile is dropped, but for the newest. A 1 euro
-    filter takes the place of smoothing. There is no sound.
+    Each frame is drawn before the next one is taken, and encoded meanwhile; what comes while it is busy is dropped, but
+    for the newest. A 1 euro filter takes the place of smoothing. Where there is no time for it, the surface's light and
+    what hides it are not measured. There is no sound.
     """
 
     def __init__(
@@ -102,7 +106,8 @@ class LiveSession:
             raise InputError("a live output has no sound: leave --audio out")
         output = Path(output) if isinstance(output, str) else output
         make_tracker = self._make_tracker or hdn_trackers(tracking)
-        cuts, frames, began = CutDetector(), 0, 0.0
+        cuts, frames, began, at_start = CutDetector(), 0, 0.0, 0
+        late, warnings = Lateness(), []
         with ExitStack() as stack:
             inputs = self.source, *(surface.ad for surface in self.surfaces)
             sink = stack.enter_context(claimed_output(output, options, *inputs)) if isinstance(output, Path) else output
@@ -115,20 +120,32 @@ class LiveSession:
                 targets.append(_Target(surface, make_tracker(), stack.enter_context(painter)))
             writer = _open_output(sink, stream, options)
             stack.enter_context(writer)
+
+            def write(image: Picture, time: Fraction, came: float) -> None:
+                writer.write(image, time)
+                late.wrote(came, writer.packets)
+
+            write_behind = stack.enter_context(behind(write, depth=1))
+            pace, in_scene = Pace(float(1 / stream.rate)), any(surface.in_scene for surface in self.surfaces)
             log.info("live: %dx%d, without sound", stream.width, stream.height)
             show = Stage(self.listen, "live", 0, None)
             zero = None
             for frame in stream.frames(self._stop.event):
+                taken = time.monotonic()
                 zero, began = (frame.time, time.perf_counter()) if zero is None else (zero, began)
                 elapsed = frame.time - zero
                 if tracking.end != Moment() and tracking.end.reached(frame.index, elapsed):
                     self.stop()
                 seen = Observation(frame.image)
                 cut = cuts.is_cut(frames, seen.grey)
-                states = tuple(target.see(frame, seen, elapsed, cut) for target in targets)
+                states = tuple(target.see(frame, seen, elapsed, cut, pace.hurried) for target in targets)
                 for target in targets:
                     target.draw(frame, elapsed)
-                writer.write(frame.image, frame.time)
+                write_behind(frame.image, frame.time, stream.came)
+                if frames == 0:
+                    at_start = stream.dropped  # beginning takes its time
+                elif in_scene:
+                    self._keep_pace(pace, taken)
                 frames += 1
                 show(states, frame.image)
             if all(target.started is None for target in targets):
@@ -136,16 +153,27 @@ class LiveSession:
                     f"start ({self.surfaces[0].start}) was not reached: {self.source} had {counted(frames, 'frame')}"
                 )
             seconds = time.perf_counter() - began
+            if pace.count:
+                warnings.append(f"{TOO_SLOW} in {pace.count} of {counted(frames, 'frame')}")
         return Result(
             output if isinstance(output, Path) else STDOUT,
             frames,
             total(target.counts for target in targets),
             seconds,
             compositor.description,
-            stream.warnings,
+            [*stream.warnings, *warnings],
             [{"ad": target.surface.name, "states": target.counts} for target in targets],
             stream.dropped,
+            at_start,
+            late.told,
         )
+
+    def _keep_pace(self, pace: Pace, taken: float) -> None:
+        """Tells the pace how long a frame took that was taken at a time, and says what that leads to."""
+        was_hurried, now = pace.hurried, time.monotonic()
+        pace.took(now - taken, now)
+        if pace.hurried and not was_hurried:
+            log.warning("%s for a while; --flat leaves them out altogether", TOO_SLOW)
 
 
 class _Target:
@@ -165,8 +193,11 @@ class _Target:
     def counts(self) -> dict[str, int]:
         return {state: self.states[state] for state in STATES}
 
-    def see(self, frame: Frame, seen: Observation, elapsed: Fraction, cut: bool) -> State | None:
-        """Tracks the surface in a frame; the state that it is in, None before its start."""
+    def see(self, frame: Frame, seen: Observation, elapsed: Fraction, cut: bool, hurried: bool) -> State | None:
+        """Tracks the surface in a frame; the state that it is in, None before its start.
+
+        Args: hurried: whether the last light stays, and nothing is measured of what the scene does to the surface.
+        """
         if self.started is None:
             if not self.surface.start.reached(frame.index, elapsed):
                 return None
@@ -198,7 +229,7 @@ class _Target:
         if self._appearance is not None:
             motion = (self._pose - before) / max(frame.index - self._index, 1)
             self._conditions = self._appearance.conditions(
-                frame.image, self._pose, estimate.deviation, lost, cut, motion
+                frame.image, self._pose, estimate.deviation, lost or hurried, cut, motion
             )
         self._index = frame.index
         return estimate.state

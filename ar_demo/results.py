@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .markup import items, table
+from .pace import Latency
 from .verdict import Verdict
 from .words import counted
 
@@ -24,7 +25,9 @@ class Result:
         surfaces: of each surface its ad, the states of its frames, and what is told of the light on it in its reference
             frame: the least gain, the most glare, whether they move on; None for nothing; and whether it is blank, so
             that colour and border tell what is in front of it.
-        dropped: frames of a live source that came too fast; None where there was no such source.
+        dropped: frames of a live source that came too fast; at_start: those of them that came before the first one was
+            written, while surfaces were looked at; None where there was no such source.
+        latency: of a live source's frames; None where there was none.
         verdict: whether the tracks can be believed unseen; None where they are not kept, as of a live source.
     """
 
@@ -36,6 +39,8 @@ class Result:
     warnings: list[str] = field(default_factory=list)
     surfaces: list[dict[str, Any]] = field(default_factory=list)
     dropped: int | None = None
+    at_start: int | None = None
+    latency: Latency | None = None
     layer: Path | None = None
     matte: Path | None = None
     verdict: Verdict | None = None
@@ -58,7 +63,8 @@ class Result:
             "states": self.states,
             "surfaces": self.surfaces,
             **({} if self.verdict is None else {"verdict": self.verdict.summary()}),
-            **({} if self.dropped is None else {"dropped": self.dropped}),
+            **({} if self.dropped is None else {"dropped": self.dropped, "dropped_at_start": self.at_start}),
+            **({} if self.latency is None else {"latency_ms": self.latency.summary()}),
             "seconds": round(self.seconds, 3),
             "fps": round(self.fps, 2),
             "compositor": self.compositor,

@@ -22,7 +22,9 @@ from ar_demo.live import LiveSession
 from ar_demo.media.live_stream import Stream
 from ar_demo.media.reader import Frame, VideoReader
 from ar_demo.options import OutputOptions, TrackingOptions
+from ar_demo.pace import PaceModel
 from ar_demo.progress import Progress
+from ar_demo.scene.conditions import Appearance, Conditions
 from ar_demo.surface import Moment, Surface
 from hdn.errors import InputError
 
@@ -87,7 +89,12 @@ def test_follows_a_file_played_as_a_stream(clip: Path, ad: Path, truth: list[np.
     assert result.dropped is not None
     assert result.frames + result.dropped == FRAMES
     assert result.states["tracked"] == result.frames
-    assert result.summary()["dropped"] == result.dropped
+    summary = result.summary()
+    assert summary["dropped"] == result.dropped >= summary["dropped_at_start"]
+    late = result.latency
+    assert late is not None
+    assert 0 < late.p50 <= late.p95 <= late.p99
+    assert summary["latency_ms"]["p50"] == round(late.p50, 1)
     assert result.fps == pytest.approx(result.frames / result.seconds)
     found = reds(out)
     assert len(found) == result.frames
@@ -192,6 +199,38 @@ def test_a_stream_on_standard_output(clip: Path, ad: Path, truth: list[np.ndarra
     with av.open(str(tmp_path / "s.ts")) as container:
         assert container.format.name == "mpegts"
         assert sum(1 for _ in container.decode(video=0)) == summary["frames"]
+
+
+def test_from_standard_input(ad: Path, truth: list[np.ndarray], tmp_path: Path) -> None:
+    images = [Scene().draw(corners) for corners in truth]
+    clip, out = make_clip(tmp_path / "s.mkv", images, rate=RATE), tmp_path / "o.mp4"
+    command = [sys.executable, "-c", "from ar_demo.cli.entry import replace_main; replace_main()", "--live", "-", ad]
+    quad = ["--quad", *(f"{x},{y}" for x, y in truth[0])]
+    told = ["-o", out, "--backend", "opencv", "--json", "--quiet"]
+    done = subprocess.run([*command, *quad, *told], input=clip.read_bytes(), capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["frames"] + summary["dropped"] == FRAMES  # as they came: at once
+    assert len(frame_times(out)) == summary["frames"]
+
+
+@pytest.mark.usefixtures("unhurried")
+def test_where_it_is_too_slow_the_scene_is_not_measured(
+    clip: Path, ad: Path, truth: list[np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ar_demo.pace.MODEL", PaceModel(busy_share=0.0))
+    measured = []
+    see = Appearance.see
+
+    def counted(self: Appearance, *given: Any) -> Conditions:
+        measured.append(1)
+        return see(self, *given)
+
+    monkeypatch.setattr(Appearance, "see", counted)
+    result = LiveSession(str(clip), [Surface(ad, truth[0])]).run(tmp_path / "o.mp4", options=OPENCV)
+    assert len(measured) == 2  # the first frame is not counted, and the second one is found to have taken too long
+    assert any("too slow" in warning and f"in 18 of {FRAMES} frames" in warning for warning in result.warnings)
+    assert result.states["tracked"] == FRAMES
 
 
 @pytest.mark.parametrize(

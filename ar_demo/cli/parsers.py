@@ -53,7 +53,7 @@ def replace_parser() -> Parser:
         "input",
         nargs="?",
         help="the video or its http(s) address, or pictures: a folder, in.%%05d.png, a glob in quotes; with --live a "
-        "camera (0, /dev/video0), a URL, or a file",
+        "camera (0, /dev/video0), a URL, - for standard input, or a file",
     )
     add("ad", nargs="?", help="video, image or animated image; not needed by some effects")
     add("-o", "--output", help="video to write (default: INPUT.ar.mp4 beside the input)")

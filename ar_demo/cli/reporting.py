@@ -43,7 +43,7 @@ def set_up_logging(quiet: bool) -> Log:
 
 def print_summary(result: Result) -> None:
     """One line, and one more for each of several surfaces."""
-    dropped = "" if result.dropped is None else f", {result.dropped} dropped"
+    dropped = "" if result.dropped is None else f", {result.dropped} dropped ({result.at_start} at the start)"
     states = in_words(result.states) if len(result.surfaces) == 1 else counted(len(result.surfaces), "surface")
     print(
         f"{', '.join(map(str, result.outputs))}: {counted(result.frames, 'frame')} ({states}), "
@@ -51,6 +51,8 @@ def print_summary(result: Result) -> None:
     )
     if result.verdict is not None:
         print(f"verdict: {result.verdict}")
+    if (late := result.latency) is not None:
+        print(f"latency: {late.p50:.0f} ms (median), {late.p95:.0f} ms (95 %), {late.p99:.0f} ms (99 %)")
     for number, surface in enumerate(result.surfaces if len(result.surfaces) > 1 else [], 1):
         print(f"  surface {number}, {surface['ad'] or 'no ad'}: {in_words(surface['states'])}")
 

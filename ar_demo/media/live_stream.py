@@ -40,19 +40,22 @@ class Stream(AbstractContextManager["Stream"]):
         time_base: seconds per tick.
         dropped: frames that came too fast.
         warnings: what was wrong with the source.
+        came: `time.monotonic` of when the newest frame that was fetched was decoded, or due where a file is played.
     """
 
     def __init__(self, source: str) -> None:
         """Opens a source and waits for its first frame.
 
         Args:
-            source: a camera's number or device (0, /dev/video0), a URL (rtsp://, http://), or a file.
+            source: a camera's number or device (0, /dev/video0), a URL (rtsp://, http://), - for standard input, or a
+                file.
 
         Raises:
             InputError: it cannot be opened, or shows nothing.
         """
         self.name = source
         self.dropped = 0
+        self.came = time.monotonic()
         self.warnings: list[str] = []
         self._container, self._stream, self._paced = _open(source)
         self._frames = decode(self._container, self._stream, self._damaged)
@@ -76,7 +79,7 @@ class Stream(AbstractContextManager["Stream"]):
         self.time_base = self._stream.time_base or 1 / self.rate
         self._stop = Event()
         self._ready = Condition()
-        self._newest: tuple[int, Fraction, av.VideoFrame] | None = None
+        self._newest: tuple[int, Fraction, av.VideoFrame, float] | None = None
         self._over = False
         self._error: BaseException | None = None
         self._thread = Thread(target=self._read, name="stream", daemon=True)
@@ -100,7 +103,7 @@ class Stream(AbstractContextManager["Stream"]):
                 if self._error is not None:
                     raise self._error
                 return
-            index, at, frame = newest
+            index, at, frame, self.came = newest
             yield Frame(index, at, 1 / self.rate, to_rgb(frame, self._rotation, self._size))
 
     def close(self) -> None:
@@ -132,11 +135,12 @@ class Stream(AbstractContextManager["Stream"]):
         while frame is not None and not self._stop.is_set():
             at = clock.time(frame)
             zero = at if zero is None else zero
-            if self._paced and self._stop.wait(max(0.0, begun + float(at - zero) - time.monotonic())):
+            came = begun + float(at - zero) if self._paced else time.monotonic()
+            if self._stop.wait(max(0.0, came - time.monotonic())):
                 break
             with self._ready:
                 self.dropped += self._newest is not None
-                self._newest = index, at, frame
+                self._newest = index, at, frame, came
                 self._ready.notify()
             frame, index = next(self._frames, None), index + 1
 
@@ -148,11 +152,13 @@ class Stream(AbstractContextManager["Stream"]):
 
 def _open(source: str) -> tuple[InputContainer, VideoStream, bool]:
     """The source's container and picture stream, and whether it has to be played at a pace."""
-    if not re.fullmatch(r"\d+", source) and "://" not in source and not source.startswith("/dev/"):
+    if not re.fullmatch(r"-|\d+", source) and "://" not in source and not source.startswith("/dev/"):
         return *open_video(Path(source)), True
     where: dict[str, Any] = {}
     target = source
-    if "://" not in source:
+    if source == "-":
+        target = "pipe:0"
+    elif "://" not in source:
         system = platform.system()
         if system == "Windows":
             raise InputError("cameras cannot be opened on Windows: give a stream's URL (rtsp://, http://)")

@@ -14,7 +14,11 @@ from . import color
 
 
 class StreamWriter:
-    """Writes H.264 in MPEG-TS to a pipe, each frame at once. A context manager; leaving it ends the stream."""
+    """Writes H.264 in MPEG-TS to a pipe, each frame at once. A context manager; leaving it ends the stream.
+
+    Attributes:
+        packets: written, one for each frame.
+    """
 
     def __init__(self, pipe: BinaryIO, width: int, height: int, rate: Fraction, time_base: Fraction) -> None:
         """Begins the stream.
@@ -27,6 +31,7 @@ class StreamWriter:
         """
         self._width, self._height = width - width % 2, height - height % 2
         self._time_base = time_base
+        self.packets = 0
         self._from_rgb = color.FromRGB("yuv420p")
         self._start: Fraction | None = None
         self._container = av.open(_Flushed(pipe), "w", format="mpegts", container_options={"flush_packets": "1"})
@@ -68,7 +73,9 @@ class StreamWriter:
 
     def _mux(self, frame: av.VideoFrame | None) -> None:
         try:
-            self._container.mux(self._stream.encode(frame))
+            packets = self._stream.encode(frame)
+            self._container.mux(packets)
+            self.packets += len(packets)
         except (av.FFmpegError, OSError) as error:
             raise RunError("the output is no longer read: the stream ends here") from error
 

@@ -43,6 +43,9 @@ class VideoWriter:
     Used as a context manager: leaving it normally finishes the file, leaving it by any exception removes what there is.
     Frame times start at zero in the file whatever the first one is, but for sound that begins before the picture; all
     that goes along moves with them.
+
+    Attributes:
+        packets: of the picture that are written, one for each frame.
     """
 
     def __init__(
@@ -77,7 +80,7 @@ class VideoWriter:
             streams: what goes along with the picture, as sound; None for nothing.
             time_base: seconds per tick in which all frame times are whole (the source's); None takes one for `rate`.
             pixel_aspect: a pixel's width over its height.
-            fast: larger files, but H.264 and H.265 keep up with a live source.
+            fast: larger files, but H.264 and H.265 keep up with a live source, and hold no frame back.
             depth: bits per sample in the file: 8, 10, 12 ...; whatever frames are of.
             pixel_format: FFmpeg's name of the source's, which is preferred where it has this depth and the codec takes
                 it; None takes 4:2:0 before others.
@@ -116,6 +119,8 @@ class VideoWriter:
         self._start: Fraction | None = None  # time of the first frame
         self._zero = Fraction(0)  # where the file begins, by the clock of the frames' times
         self._kept: Packet[VideoStream] | None = None
+        self._keeps = True
+        self.packets = 0
         self._first_dts = 0
         self._last = self._end = Fraction(0)  # of the newest frame
         self._leaves_out = False
@@ -270,7 +275,8 @@ class VideoWriter:
         width, height = self._size
         options = codec.options_for(pix_fmt) | {codec.quality: f"{DEFAULT_CRF if crf is None else crf:g}"}
         if fast and codec.encoder in ("libx264", "libx265"):
-            options["preset"] = "ultrafast"
+            options |= {"preset": "ultrafast", "tune": "zerolatency"}
+            self._keeps = False  # every frame lasts as it says, for none is shown out of order
         for name, value in told.items():
             options[name] = f"{options[name]}:{value}" if name in options else value
         stream = cast(VideoStream, self._container.add_stream(codec.encoder, rate=self._rate, options=options))
@@ -282,20 +288,25 @@ class VideoWriter:
         if self._channels == 4 and codec.encoder == "libvpx-vp9":
             stream.metadata["alpha_mode"] = "1"  # else players of WebM do not look for it
         context.flags |= Flags.frame_duration
-        context.thread_type = "AUTO"
+        context.thread_type = "AUTO" if self._keeps else "SLICE"  # frames side by side would be held back
         if codec.encoder in ("libx265", "hevc_nvenc") and self._container.format.name in ("mp4", "mov"):
             context.codec_tag = "hvc1"  # Apple's players open no other
         self._form[1].tag(context)
         return stream
 
     def _encode(self, frame: av.VideoFrame | None) -> Iterator[Packet[VideoStream]]:
-        """Packets that are ready, but for the newest, which is kept back: see _last_packet."""
+        """Packets that are ready, but for the newest, which may be kept back: see _last_packet."""
         for packet in self._stream.encode(frame):
             if self._count <= 2 and self._stream.codec_context.name == "libx265":
                 packet.dts = packet.pts  # which x265 leaves unset, at random values, where there are no more frames
+            if not self._keeps:
+                self.packets += 1
+                yield packet
+                continue
             if self._kept is None:
                 self._first_dts = packet.dts or 0
             else:
+                self.packets += 1
                 yield self._kept
             self._kept = packet
 

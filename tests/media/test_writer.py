@@ -145,3 +145,17 @@ def test_packets_are_not_hoarded(tmp_path: Path) -> None:
             sizes.append(next(tmp_path.glob(".*")).stat().st_size)
     assert sizes[399] > sizes[300] > sizes[200]
     assert all(b >= a for a, b in pairwise(sizes))
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv"])
+def test_a_live_writer_holds_no_frame_back(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"live{suffix}"
+    images = clips.numbered(6)
+    height, width = images[0].shape[:2]
+    with VideoWriter(path, width, height, Fraction(10), fast=True) as writer:
+        for index, image in enumerate(images):
+            writer.write(image, Fraction(index, 10))
+            assert writer.packets == index + 1
+    assert clips.frame_times(path) == [Fraction(i, 10) for i in range(6)]
+    with av.open(str(path)) as container:
+        assert float(container.duration or 0) / av.time_base == pytest.approx(0.6, abs=0.01)
