@@ -212,7 +212,7 @@ class _Target:
                     self.surface.shutter,
                     grain=self.surface.grain == "auto",
                     softness=self.surface.softness == "auto",
-                    shines=self.surface.surface_kind == "screen",
+                    kind=self.surface.surface_kind,
                 )
         if cut:
             self.tracker.lose()

@@ -194,7 +194,8 @@ class Surface:
             where the surface is as sharp as in the reference frame.
         first_light: whether shadows and glare that lie on the surface in the reference frame fall on it as well; 'even'
             takes that frame to be lit evenly.
-        surface_kind: 'print', which light falls on, or 'screen', which shines by itself and mirrors what is before it.
+        surface_kind: 'print', which light falls on; 'screen', which shines by itself and mirrors what is before it;
+            'cloth', whose folds are shaded, and move.
         matte: made elsewhere: video, image sequence or picture in the frame's shape, white where the ad may be seen
             and black where something is in front of it, as it is saved; None tells by the video what is in front.
 

@@ -113,7 +113,11 @@ def replace_parser() -> Parser:
         choices=CHOICES["first_light"],
         help="shadows and glare of the quad's own frame: told from the video, or taken for none (default: auto)",
     )
-    add("--surface-kind", choices=CHOICES["surface_kind"], help="a screen shines by itself (default: print)")
+    add(
+        "--surface-kind",
+        choices=CHOICES["surface_kind"],
+        help="a screen shines by itself, the folds of cloth are shaded (default: print)",
+    )
     add(
         "--matte",
         type=Path,

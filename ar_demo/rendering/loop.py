@@ -71,7 +71,7 @@ class _Drawn:
                     grain=surface.grain == "auto",
                     softness=surface.softness == "auto",
                     first_light=first_light,
-                    shines=surface.surface_kind == "screen",
+                    kind=surface.surface_kind,
                 )
 
     @property

@@ -19,13 +19,15 @@ from hdn.networks.config import MATTE_SURFACE
 from hdn.networks.matte import Matte
 from hdn.plane.occlusion import Occlusion
 
+from ..choices import SurfaceKind
 from . import light as relighting
 from . import occlusion
 from .first_light import FirstLight
 from .grain import Grain, GrainMeter
 from .light import FINE, GRID, Light, grey
 from .occlusion import Occluder, Outline
-from .shading import shading
+from .shading import CLOTH, shading
+from .shading import MODEL as SHADING
 from .shutter import Shutter
 from .softness import SoftnessMeter
 
@@ -133,7 +135,7 @@ class Appearance:
         grain: bool = True,
         softness: bool = True,
         first_light: FirstLight | None = None,
-        shines: bool = False,
+        kind: SurfaceKind = "print",
     ) -> None:
         """Args:
         reference: (H, W, 3) the frame that shows the surface as it is.
@@ -142,7 +144,7 @@ class Appearance:
         shutter: degrees that it is open; None tells it by streaks.
         grain, softness: whether they are measured.
         first_light: on the surface in the reference frame; None for even light.
-        shines: whether the surface shines by itself, as a screen.
+        kind: of the surface: see `Surface`.
         """
         size = mean_size(quad)
         size *= min(1.0, MODEL.longest_px / size.max())
@@ -152,7 +154,7 @@ class Appearance:
         self._window = relighting.window_px(max(self._width, self._height))  # px of the halved crop
         self._quad, self._exposure = quad, relighting.exposure(reference)
         self._reference = _Box(reference, quad)
-        if shines and first_light is not None:
+        if kind == "screen" and first_light is not None:
             first_light = first_light.mirrored
         self._staying = None if first_light is None else first_light.staying.resized(FINE, FINE)
         if first_light is not None:  # what goes away is no part of what is compared
@@ -165,7 +167,8 @@ class Appearance:
         self._small_template = self._halved(grey(self._template))
         self._towards_edge = cv2.createHanningWindow(self._small_template.shape[::-1], cv2.CV_32F)
         self._occlusion = Occlusion(matte, Observation(reference), quad, Matte.size, framed=True)
-        self._degrees, self._shines = shutter, shines
+        self._degrees, self._shines = shutter, kind == "screen"
+        self._shading = CLOTH if kind == "cloth" else SHADING
         self._grain = GrainMeter() if grain else None
         self._softness = SoftnessMeter() if softness else None
         self.forget()
@@ -361,7 +364,7 @@ class Appearance:
         expected, printed = grey(light_here.on(own)), grey(light_here.without_gloss().on(own))
         # Where much is mirrored, or was in the reference frame, a ratio does not tell how the print is lit.
         plain = np.abs(expected - printed) < MODEL.max_mirrored * printed
-        return light.shaded(shading(grey(seen), expected, trust * plain, slack / 2))
+        return light.shaded(shading(grey(seen), expected, trust * plain, slack / 2, self._shading))
 
     def _blur(self, own: Floats, view: Floats, inside: Grey) -> Array:
         """Covariance (2, 2), px^2 of the crop, by which a view is blurred more than the template `own`; 0 where less.

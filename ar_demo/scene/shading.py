@@ -24,9 +24,11 @@ class ShadingModel:
 
 
 MODEL = ShadingModel()
+# Folds of cloth are fine, and shade its print's edges as well; set by trial on drawn folds.
+CLOTH = ShadingModel(edge_grey=12.0, edge_share=0.3, window_px=1, fill_px=5, faint_log=0.03)
 
 
-def shading(view: Grey, expected: Grey, trust: Grey, slack: float) -> Floats:
+def shading(view: Grey, expected: Grey, trust: Grey, slack: float, model: ShadingModel = MODEL) -> Floats:
     """The light (h, w) on each pixel of a view that smooth light does not explain, 1 where there is nothing to tell.
 
     A ratio of light, not of grey levels. A median of neighbours keeps edges as sharp as they are, and drops what is
@@ -37,17 +39,17 @@ def shading(view: Grey, expected: Grey, trust: Grey, slack: float) -> Floats:
         trust: (h, w) 0..1, how far each pixel can be believed to show the surface, and to tell how bright it is.
         slack: px, by which both may be misaligned.
     """
-    ratio = 2 * np.log((np.maximum(view, 0) + MODEL.noise_grey) / (np.maximum(expected, 0) + MODEL.noise_grey))
+    ratio = 2 * np.log((np.maximum(view, 0) + model.noise_grey) / (np.maximum(expected, 0) + model.noise_grey))
     step = cv2.magnitude(*(cv2.Sobel(expected, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))))
     counts = (
-        trust * (expected > MODEL.dark_grey) * (step * max(slack, 0.5) < MODEL.edge_grey + MODEL.edge_share * expected)
+        trust * (expected > model.dark_grey) * (step * max(slack, 0.5) < model.edge_grey + model.edge_share * expected)
     )
-    size = (MODEL.fill_px, MODEL.fill_px)
+    size = (model.fill_px, model.fill_px)
     known = cv2.blur(counts, size)
-    filled = cv2.blur(ratio * counts, size) / np.maximum(known, 1e-3) * (known > MODEL.min_known)
-    low, high = MODEL.log_range
+    filled = cv2.blur(ratio * counts, size) / np.maximum(known, 1e-3) * (known > model.min_known)
+    low, high = model.log_range
     levels = (np.where(counts > 0.5, ratio, filled).clip(low, high) - low) * (255 / (high - low))
-    median = cv2.medianBlur(levels.round().astype(np.uint8), MODEL.window_px).astype(np.float32)
+    median = cv2.medianBlur(levels.round().astype(np.uint8), model.window_px).astype(np.float32)
     log = median * ((high - low) / 255) + low
-    log *= log * log / (log * log + MODEL.faint_log**2)
+    log *= log * log / (log * log + model.faint_log**2)
     return np.asarray(np.exp(log), np.float32)

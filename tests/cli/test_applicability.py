@@ -64,7 +64,7 @@ OPTIONS: dict[str, list[str]] = {
     "grain": ["--grain", "off"],
     "softness": ["--softness", "off"],
     "first_light": ["--first-light", "even"],
-    "surface_kind": ["--surface-kind", "screen"],
+    "surface_kind": ["--surface-kind", "cloth"],
     "matte": ["--matte", "roto.mov"],
     "effect": ["--effect", "mosaic"],
     "audio": ["--audio", "mix"],

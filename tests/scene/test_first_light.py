@@ -145,7 +145,7 @@ def test_no_shadow_falls_on_a_screen_but_a_lamp_is_mirrored_in_it(matte: Matte) 
     gain[:, :12] = 0.4
     none = Light(np.ones_like(gain), np.zeros((24, 24), np.float32))
     wrong = FirstLight(none, Light(gain, np.zeros((24, 24), np.float32)))
-    screen = Appearance(frame, SCENE.quad, matte, grain=False, first_light=wrong, shines=True)
+    screen = Appearance(frame, SCENE.quad, matte, grain=False, first_light=wrong, kind="screen")
     for _ in range(4):
         light = screen.see(with_lamp(frame, 320), SCENE.quad, 0.3).light
     assert np.ptp(light.gain.mean(2)) < 0.02

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ar_demo.scene.shading import shading
+from ar_demo.scene.shading import CLOTH, shading
 
 from ..scenes import texture
 
@@ -41,3 +41,12 @@ def test_what_is_hidden_tells_nothing() -> None:
     view[:, :40], trust[:, :40] = 5, 0
     light = shading(view, PRINT, trust, 0.2)
     assert np.abs(light - 1).max() < 0.05
+
+
+def test_folds_of_cloth_are_kept_that_a_print_would_not_have() -> None:
+    across = np.arange(PRINT.shape[1])
+    folds = np.exp(0.3 * np.sin(across * (2 * np.pi / 9))).astype(np.float32)  # 9 px from fold to fold
+    view = PRINT * np.sqrt(folds) + np.random.default_rng(0).normal(0, 1, PRINT.shape).astype(np.float32)
+    print_, cloth = (np.log(shading(view, PRINT, TRUST, 0.2, *model)) - np.log(folds) for model in ((), (CLOTH,)))
+    assert np.sqrt(np.square(cloth).mean()) < 0.08
+    assert np.sqrt(np.square(cloth).mean()) < 0.6 * np.sqrt(np.square(print_).mean())
