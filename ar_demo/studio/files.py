@@ -10,13 +10,14 @@ from typing import Any, Literal, get_args
 from ..media.sequences import SUFFIXES as PICTURES
 from .errors import Refusal
 
-Kind = Literal["video", "ad", "job", "track"]
+Kind = Literal["video", "ad", "picture", "job", "track"]
 
 VIDEOS = (".mp4", ".mov", ".mkv", ".webm", ".avi", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".ogv", ".mxf")
 STILLS = (*(suffix for suffix in PICTURES if suffix not in (".exr", ".tga", ".dpx")), ".gif", ".avif")
 ENDINGS: dict[str, tuple[str, ...]] = {
     "video": VIDEOS,
     "ad": (*STILLS, *VIDEOS),
+    "picture": STILLS,
     "job": (".json",),
     "track": (".track.json",),
 }

@@ -56,6 +56,8 @@ class Person:
 
     def saved(self) -> None:
         """Until the server has all."""
+        # What was just changed is not drawn yet, nor said to be unsaved.
+        self.page.evaluate("() => new Promise(drawn => requestAnimationFrame(() => requestAnimationFrame(drawn)))")
         self.page.get_by_text("Saved", exact=True).wait_for()
 
     def on_stage(self, x: float, y: float) -> tuple[float, float]:

@@ -96,8 +96,8 @@ def test_a_second_surface_with_what_is_left_out_and_an_effect(visit, folder):
         person.page.mouse.click(*person.on_stage(x, y))
     person.press("Enter")
     person.wait_for("Left out: 3 corners")
-    move(person, (60, 60), (60, 65))
-    move(person, (60, 30), (62, 24))  # the dot between two corners
+    move(person, person.page.get_by_label("Corner 3 of 3"), (60, 65))
+    move(person, person.page.get_by_label("Another corner after 1"), (62, 24))
     person.wait_for("Left out: 4 corners")
     person.press("Delete")
     person.wait_for("Left out: 3 corners")
@@ -121,12 +121,11 @@ def test_a_second_surface_with_what_is_left_out_and_an_effect(visit, folder):
     assert len(job(folder)["surfaces"]) == 2
 
 
-def move(person, start, end):
-    """Drags from one point of the frame, px, to another."""
-    person.page.mouse.move(*person.on_stage(*start))
+def move(person, what, to):
+    """Drags something, once it lies still, to a point of the frame, px."""
+    what.hover()
     person.page.mouse.down()
-    person.page.mouse.move(*person.on_stage(*(np.array([start, end]).mean(0))))
-    person.page.mouse.move(*person.on_stage(*end))
+    person.page.mouse.move(*person.on_stage(*to), steps=3)
     person.page.mouse.up()
 
 
@@ -138,10 +137,10 @@ def test_number_keys_go_through_the_steps_and_the_line_between_before_and_after_
     middle = QUAD.mean(0)
     person.page.wait_for_selector('canvas.picture[data-view="wipe"]')
     line = person.page.get_by_role("slider", name="Before and after")
-    move(person, (319.5, 40), (600, 40))
+    move(person, line, (600, 180))
     person.until(lambda: int(line.get_attribute("aria-valuenow")) > 90)
     before = person.colour_at(*middle)
-    move(person, (600, 40), (40, 40))
+    move(person, line, (40, 180))
     person.until(lambda: int(line.get_attribute("aria-valuenow")) < 10)
     person.until(lambda: np.abs(person.colour_at(*middle) - before).max() > 30)
     line.focus()
@@ -149,7 +148,7 @@ def test_number_keys_go_through_the_steps_and_the_line_between_before_and_after_
     person.until(lambda: int(line.get_attribute("aria-valuenow")) > 6)
 
 
-def test_a_finger_marks_and_drags(visit):
+def test_a_finger_marks_and_drags(visit, folder):
     person = visit(viewport={"width": 820, "height": 1180}, has_touch=True)
     person.page.get_by_label("Snap to edges").uncheck()
     for x, y in QUAD:
@@ -175,6 +174,7 @@ def test_a_finger_marks_and_drags(visit):
         left, right = (person.page.locator(".corner").nth(i).bounding_box() for i in (0, 1))
         return right["x"] - left["x"]
 
+    person.until(lambda: np.allclose(job(folder)["surfaces"][0].get("quad", 0), person.corners(), atol=0.06))
     person.page.reload()  # whose pointers are real ones
     person.page.locator(".corner").nth(1).wait_for(state="visible")
     wide, (x, y) = width(), person.on_stage(*QUAD.mean(0))

@@ -77,13 +77,19 @@ def test_a_shot_from_the_first_picture_to_the_file(visit, folder, tmp_path):
 
     person.click("Next: finish")
     assert "ar-replace" in page.locator(".command").inner_text()
+    page.locator("#output-name").fill("street.mp4")
+    page.get_by_role("button", name="Render", exact=True).click()
+    person.wait_for("give another name")
+    assert [complaint[:4] for complaint in person.complaints] == ["422 "]
+    page.locator("#output-name").fill("done.mp4")
     page.get_by_role("button", name="Render", exact=True).click()
     with page.expect_download(timeout=90_000) as download:
         page.get_by_role("link", name="Download").click(timeout=90_000)
     file = tmp_path / "downloaded.mp4"
     download.value.save_as(file)
     _check(file, folder, truth)
-    assert person.complaints == []
+    assert download.value.suggested_filename == "done.mp4"
+    assert len(person.complaints) == 1
 
 
 def _track(folder: Path) -> Track:

@@ -34,6 +34,7 @@ export function chooseFile(title: string, kinds: string[]): Promise<(Entry & { k
   return new Promise((resolve) => {
     const { element, draw } = dialog(title);
     let chosen: (Entry & { kind: string }) | null = null;
+    const takes = kinds.includes("ad") ? "image/*,video/*" : kinds.includes("picture") ? "image/*" : "";
     let [listing, error, busy] = [null as Listing | null, "", false];
     const choose = (file: Entry, kind: string) => {
       chosen = { ...file, kind };
@@ -67,11 +68,11 @@ export function chooseFile(title: string, kinds: string[]): Promise<(Entry & { k
     };
     const show = () =>
       draw(html`
-        ${kinds.includes("ad")
+        ${takes
           ? html`<label class="drop" @dragover=${(e: Event) => e.preventDefault()} @drop=${drop}>
-              <input class="unseen" type="file" accept="image/*,video/*" ?disabled=${busy}
+              <input class="unseen" type="file" accept=${takes} ?disabled=${busy}
                 @change=${(e: Event) => void send((e.target as HTMLInputElement).files?.[0])} />
-              ${icons.add}<span>${busy ? "Sending…" : "Choose a picture or a video of yours, or drop it here"}</span>
+              ${icons.add}<span>${busy ? "Sending…" : `Choose a picture ${takes.includes("video") ? "or a video " : ""}of yours, or drop it here`}</span>
             </label>`
           : nothing}
         ${failure(error)}
@@ -81,7 +82,7 @@ export function chooseFile(title: string, kinds: string[]): Promise<(Entry & { k
                 ${listing.parent ? html`<li><button type="button" @click=${() => void enter(listing!.parent!.id)}>${icons.raise}<span>Folder above</span></button></li>` : nothing}
                 ${listing.folders.map((f) => html`<li><button type="button" @click=${() => void enter(f.id)}>${icons.open}<span>${f.name}</span></button></li>`)}
                 ${listing.files.map((f) => html`<li><button type="button" @click=${() => choose(f, f.kind ?? kinds[0])}>
-                  ${kinds.includes("ad") ? html`<img src=${api.adPicture(f.id, 96)} alt="" width="56" height="42" loading="lazy" />` : nothing}
+                  ${takes ? html`<img src=${api.adPicture(f.id, 96)} alt="" width="56" height="42" loading="lazy" />` : nothing}
                   <span class="grow">${f.name}</span><small>${f.bytes ? bytes(f.bytes) : ""}</small></button></li>`)}
                 ${listing.files.length ? nothing : html`<li class="hint">There is no such file in this folder.</li>`}
               </ul>`

@@ -23,6 +23,7 @@ function next(studio: Studio): Hint {
     return { text, actions: [["Done", () => studio.editShape(null)]] };
   }
   if (studio.isBusy && studio.task?.kind === "track") return { text: "Tracking: the outline shows what was found." };
+  if (studio.isBusy && studio.task?.kind === "find") return { text: "Looking for the surface in the whole video." };
   if (studio.isPlacing) {
     const n = studio.placing.length;
     const whose = surface.ad ? "the ad's" : "the surface's";

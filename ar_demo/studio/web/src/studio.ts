@@ -260,7 +260,8 @@ export class Studio {
 
   /** Whether a click marks the next corner. */
   get isPlacing(): boolean {
-    return this.step === "mark" && this.view === "frame" && !!this.surface && !this.surface.quad;
+    const isLooking = this.isBusy && this.task?.kind === "find";
+    return this.step === "mark" && this.view === "frame" && !!this.surface && !this.surface.quad && !isLooking;
   }
 
   /** Puts corners into this frame: of the surface where it is marked, else of a keyframe. */
@@ -578,7 +579,8 @@ export class Studio {
     return this.outputName ?? this.project.output;
   }
 
-  async render(name: string, overwrite = false): Promise<void> {
+  async render(overwrite = false): Promise<void> {
+    const name = this.outputName ?? this.project.output; // it may have been typed just before
     this.clear("finish");
     this.mayOverwrite = false;
     if (!(await this.doc.settled())) return;
@@ -626,7 +628,7 @@ export class Studio {
     if (task.state === "failed") this.fail(PLACES[task.kind], sentence(task.error ?? "it failed"));
     await this.doc.reload().catch(() => undefined);
     if (task.kind === "track") {
-      await this.tracks.reload(this.project.surfaces);
+      if (!this.project.can_go_on) await this.tracks.reload(this.project.surfaces); // what was found so far stays
       if (this.following && this.cameFrom !== null) this.seek(this.cameFrom);
       this.cameFrom = null;
     }

@@ -63,8 +63,8 @@ export function finish(studio: Studio) {
               ? html`<p class="note">A surface is not tracked yet. <button class="quiet" type="button" @click=${() => studio.go("track")}>Track it</button></p>`
               : nothing}
             ${studio.mayOverwrite
-              ? html`<button class="primary wide" type="button" @click=${() => void studio.render(name, true)}>Replace ${name}</button>`
-              : html`<button class="primary wide" type="button" ?disabled=${untracked || studio.isBusy} @click=${() => void studio.render(name)}>Render</button>`}
+              ? html`<button class="primary wide" type="button" @click=${() => void studio.render(true)}>Replace ${name}</button>`
+              : html`<button class="primary wide" type="button" ?disabled=${untracked || studio.isBusy} @click=${() => void studio.render()}>Render</button>`}
           `}
     </div>
     <div class="card">

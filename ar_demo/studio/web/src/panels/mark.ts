@@ -69,7 +69,7 @@ function unmarked(studio: Studio) {
 }
 
 async function findBy(studio: Studio): Promise<void> {
-  const file = await chooseFile("Choose a picture of what the surface shows", ["ad"]);
+  const file = await chooseFile("Choose a picture of what the surface shows", ["picture"]);
   if (file) await studio.find(file.id);
 }
 
