@@ -380,7 +380,7 @@ def _say_in_place_of(encoder: str, software: str) -> None:
 
 @cache
 def _works(encoder: str) -> bool:
-    """Whether an encoder can be opened here, and takes frames in memory."""
+    """Whether an encoder can be opened here, takes frames in memory, and makes a packet of one."""
     try:
         context = cast(av.VideoCodecContext, av.CodecContext.create(encoder, "w"))
         formats = offered(encoder)
@@ -393,9 +393,11 @@ def _works(encoder: str) -> bool:
     try:
         with priority_kept():
             context.open()
+            frame = av.VideoFrame(context.width, context.height, context.pix_fmt)
+            frame.pts, frame.time_base = 0, context.time_base
+            return bool([*context.encode(frame), *context.encode(None)])  # some fail at the first frame alone
     except (av.FFmpegError, OSError):
         return False
-    return True
 
 
 _TRIAL_SIZE = 640, 360  # px: no encoder finds it too small or too large

@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -134,3 +135,23 @@ def test_an_encoder_is_tried_before_it_is_believed() -> None:
     assert codecs._works("libx264")
     assert not codecs._works("h264_qsv")  # it takes other frames than ours
     assert not codecs._works("h264_nothing")
+
+
+def test_an_encoder_that_opens_and_makes_nothing_of_a_frame_does_not_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Silent:
+        """An encoder whose driver takes its settings and then no frame."""
+
+        def __init__(self, fails: bool) -> None:
+            self.fails = fails
+
+        def open(self) -> None:
+            pass
+
+        def encode(self, frame: av.VideoFrame | None) -> list[Any]:
+            if self.fails:
+                raise av.error.ExternalError(-542398533, "the driver is too old")
+            return []
+
+    for fails in (True, False):
+        monkeypatch.setattr(av.CodecContext, "create", lambda *_, fails=fails: Silent(fails))
+        assert not codecs._works.__wrapped__("libx264")
