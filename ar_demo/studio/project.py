@@ -328,10 +328,11 @@ class Project:
             track, keyframes = None, surface.given
         else:
             track, keyframes = relative(kept.file, self.folder), self._new_keyframes(surface, kept)
-        ad, find = (
-            None if id is None else relative(self.files.path(id), self.folder) for id in (surface.ad, surface.find)
+        ad, find, matte = (
+            None if id is None else relative(self.files.path(id), self.folder)
+            for id in (surface.ad, surface.find, surface.matte)
         )
-        entry = surface_entry(surface, ad, find, track, keyframes, self._defaults.surface(surface.effect))
+        entry = surface_entry(surface, ad, find, track, keyframes, self._defaults.surface(surface.effect), matte)
         if track is not None and kept is not None and kept.first_frame is not None:
             entry.first_frame = kept.first_frame
         return entry
@@ -486,10 +487,13 @@ class Project:
             raise Refusal(409, "track the surfaces first", f"{field}.track")
         if surface.ad is None and surface.effect == "replace":
             raise Refusal(422, "choose an ad for the surface", f"{field}.ad")
-        return surface.surface(self._ad(surface), kept.track, {})
+        return surface.surface(self._ad(surface), kept.track, {}, self._matte(surface))
 
     def _ad(self, surface: SurfaceState) -> Path | None:
         return None if surface.ad is None else self.files.path(surface.ad)
+
+    def _matte(self, surface: SurfaceState) -> Path | None:
+        return None if surface.matte is None else self.files.path(surface.matte)
 
     def _add_output(self, path: Path) -> str:
         id = next((id for id, other in self.outputs.items() if other == path), secrets.token_urlsafe(6))
@@ -516,7 +520,7 @@ class Project:
         for surface in surfaces:
             kept, ad = self._kept(surface), self._ad(surface)
             if (ad is not None or surface.effect != "replace") and (kept is not None or surface.quad is not None):
-                shown.append(surface.surface(ad, None if kept is None else kept.track, {}))
+                shown.append(surface.surface(ad, None if kept is None else kept.track, {}, self._matte(surface)))
         return shown
 
     def steady(self, number: int, index: int, height: int | None) -> bytes:

@@ -79,7 +79,7 @@ class Place(Struct, frozen=True):
 
 
 class SurfaceState(Struct):
-    """A surface as the page has it. ad, find: a file's id; the latter is kept for whoever renders the job."""
+    """A surface as the page has it. ad, matte, find: a file's id; the last is kept for whoever renders the job."""
 
     ad: str | None = None
     find: str | None = None
@@ -104,6 +104,7 @@ class SurfaceState(Struct):
     softness: Softness = "auto"
     first_light: FirstLight = "auto"
     surface_kind: SurfaceKind = "print"
+    matte: str | None = None
     track: TrackState | None = None
 
     def place(self, tracking: TrackingState) -> Place:
@@ -132,13 +133,17 @@ class SurfaceState(Struct):
         }
         return {name: getattr(self, name) for name in LOOK if name not in idle}
 
-    def surface(self, ad: Path | None, track: Track | None, keyframes: Mapping[int, Array]) -> Surface:
+    def surface(
+        self, ad: Path | None, track: Track | None, keyframes: Mapping[int, Array], matte: Path | None = None
+    ) -> Surface:
         """The surface, with its track where there is one, else with its corners.
 
         Raises:
             InputError: values that cannot be.
         """
         shown: dict[str, Any] = {} if ad is None or self.effect != "replace" else {"ad": ad}
+        if matte is not None and self.effect == "replace" and not self.flat:
+            shown["matte"] = matte
         marked = tuple(Keyframe(Moment(frame=frame), corners) for frame, corners in sorted(keyframes.items()))
         if track is not None:
             return Surface(**self.look(), **shown, track=track, keyframes=marked)
@@ -244,7 +249,7 @@ def state_of(
         effect = "replace" if said.effect is UNSET else said.effect
         look = dict(defaults(effect)) | {n: v for n in LOOK if (v := getattr(said, n)) is not UNSET}
         named: dict[str, Any] = {
-            name: file(value) for name in ("ad", "find") if isinstance(value := getattr(said, name), str)
+            name: file(value) for name in ("ad", "find", "matte") if isinstance(value := getattr(said, name), str)
         }
         state = SurfaceState(**named, **look)
         marked = {} if said.keyframes is UNSET else {frame(k.frame): parse_quad(k.corners) for k in said.keyframes}
@@ -275,17 +280,20 @@ def surface_entry(
     track: str | None,
     keyframes: Mapping[int, Array],
     defaults: Mapping[str, Any],
+    matte: str | None = None,
 ) -> SurfaceEntry:
     """What a job file says of a surface.
 
     Args:
-        ad, find, track: files, as the job file names them.
+        ad, find, track, matte: files, as the job file names them.
         keyframes: those that the track was not made with.
         defaults: what this person has set for whatever is said nowhere, which the file must not depend on.
     """
     entry = SurfaceEntry()
     if ad is not None and state.effect == "replace":
         entry.ad = ad
+    if matte is not None and state.effect == "replace" and not state.flat:
+        entry.matte = matte
     if track is not None:
         entry.track = track
     elif state.quad is None and find is not None:

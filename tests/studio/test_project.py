@@ -102,7 +102,7 @@ def test_an_unfinished_surface_is_kept_and_the_command_line_says_what_is_missing
 
 def test_every_option_of_a_surface_is_known() -> None:
     """One that was not would be lost when the page saves."""
-    place = {"ad", "quad", "snap", "start", "region", "exclude", "keyframes", "track", "find"}
+    place = {"ad", "matte", "quad", "snap", "start", "region", "exclude", "keyframes", "track", "find"}
     assert set(LOOK) == {field.name for field in fields(Surface)} - place
     assert set(LOOK) < set(SurfaceState.__struct_fields__)
 

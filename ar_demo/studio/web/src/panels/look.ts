@@ -14,7 +14,7 @@ const LABELS: Record<string, Record<string, string>> = {
   grain: { auto: "As the video has", off: "None" },
   softness: { auto: "As the video's", off: "As sharp as it is" },
   first_light: { auto: "As in the marked frame", even: "Even" },
-  surface_kind: { print: "A print: light falls on it", screen: "A screen: it shines and mirrors" },
+  surface_kind: { print: "A print: light falls on it", screen: "A screen: it shines and mirrors", cloth: "Cloth: its folds are shaded" },
 };
 
 const capital = (text: string) => text[0].toUpperCase() + text.slice(1).replaceAll("-", " ");
