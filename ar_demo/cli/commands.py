@@ -45,7 +45,7 @@ def replace_command(given: Namespace) -> int:
     cv2.setNumThreads(1)  # its threads wait for work in a loop, which takes processor time from the encoder's
     defaults = load_defaults().without(inapplicable(given))
     defaults.fill(given)
-    with limited(*_limits(given)), display_of(given, renders=True) as display:
+    with limited(*reading_limits(given)), display_of(given, renders=True) as display:
         return _replace(given, defaults, display)
 
 
@@ -97,7 +97,7 @@ def track_command(given: Namespace) -> int:
     cv2.setNumThreads(1)  # see `replace_command`
     defaults = load_defaults()
     defaults.fill(given)
-    with limited(*_limits(given)), display_of(given, renders=False) as display:
+    with limited(*reading_limits(given)), display_of(given, renders=False) as display:
         return _track(given, defaults, display)
 
 
@@ -259,7 +259,7 @@ def _check_tracked(given: Namespace, surfaces: list[Surface], frames: FrameRange
                 raise InputError(f"{flag(name)} does nothing, for the track is complete: leave it out")
 
 
-def _limits(given: Namespace) -> tuple[int | None, int | None]:
+def reading_limits(given: Namespace) -> tuple[int | None, int | None]:
     """Frames and pixels that inputs may have."""
     return getattr(given, "max_frames", None), getattr(given, "max_pixels", None)
 

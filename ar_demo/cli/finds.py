@@ -8,11 +8,12 @@ from hdn.commandline import DONE
 
 from ..errors import NotFound
 from ..finding.search import Found
+from ..media.limits import limited
 from ..options import TrackingOptions
 from ..session import Session
 from ..surface import Moment, Span
 from ..words import counted
-from .commands import source_of
+from .commands import reading_limits, source_of
 from .defaults import load_defaults
 from .display import display_of
 from .reporting import set_up_logging, warn
@@ -30,7 +31,11 @@ def find_command(given: Namespace) -> int:
         said["time"] = Span.parse(given.time)
     options = TrackingOptions(**defaults.tracking() | said)
     input = source_of(given.input, getattr(given, "fps", None))
-    with display_of(given, renders=False) as display, Session(input, display) as session:
+    with (
+        limited(*reading_limits(given)),
+        display_of(given, renders=False) as display,
+        Session(input, display) as session,
+    ):
         found = session.find(given.pictures, options)
         warnings = session.reader.warnings
     print(json.dumps(found.summary()) if "json" in given else "\n".join(table(found)))

@@ -206,6 +206,7 @@ def find_parser() -> Parser:
     add("--end", metavar="WHEN", help="last frame that is looked at: number (120) or time (4.5s, 0:04.5)")
     add("--time", metavar="A..B", help="look at this part only, as 10s..20s or 250..")
     _add_fps(add)
+    _add_limits(add, "videos and pictures")
     _add_networks(add)
     _add_progress_kind(add)
     add("--strict", action="store_true", help="exit with 1 where there was a warning, as for a damaged input")
@@ -247,6 +248,7 @@ def report_parser() -> Parser:
     add("-o", "--output", type=Path, help="page to write (default: TRACK.html beside the track)")
     add("--composite", type=Path, metavar="VIDEO", help="what was rendered with it, for stills before and after")
     _add_verdict(parser)
+    _add_limits(add, "videos")
     add("--overwrite", action="store_true", help="replace an existing page")
     add("--strict", action="store_true", help="exit with 4 where the verdict is check, and with 5 where it is fail")
     add("--quiet", action="store_true", help="no log")
@@ -361,9 +363,13 @@ def _add_tracking(parser: Parser, use_of_track: str, find: str) -> None:
     add("--time", metavar="A..B", help="track, and draw on, this part only, as 10s..20s or 250..; the rest is copied")
     add("--smooth", type=float, metavar="X", help="0 off, 1 by the track's noise (default), more is stronger")
     _add_fps(add)
-    add("--max-frames", type=natural, metavar="N", help="refuse videos and ads that have more frames")
-    add("--max-pixels", type=natural, metavar="N", help="refuse videos and ads whose pictures have more pixels")
+    _add_limits(add, "videos and ads")
     _add_networks(add)
+
+
+def _add_limits(add: Any, inputs: str) -> None:
+    add("--max-frames", type=natural, metavar="N", help=f"refuse {inputs} that have more frames")
+    add("--max-pixels", type=natural, metavar="N", help=f"refuse {inputs} whose pictures have more pixels")
 
 
 def _add_fps(add: Any) -> None:

@@ -5,12 +5,14 @@ from argparse import Namespace
 
 from ..errors import InputError
 from ..importing.loading import load_track
+from ..media.limits import limited
 from ..media.sequences import ImageSequence
 from ..options import OutputOptions
 from ..report.facts import settings
 from ..report.report import Report, check_page
 from ..session import claimed_output
 from ..verdict import Limits
+from .commands import reading_limits
 from .defaults import load_defaults
 from .jobs import limits_of
 from .reporting import set_up_logging, warn
@@ -29,7 +31,10 @@ def report_command(given: Namespace) -> int:
     if video is not None:
         video = ImageSequence.find(video) or video
     limits = Limits(**defaults.limits() | limits_of(vars(given)))
-    with claimed_output(output, options, given.track, video, composite) as claim:
+    with (
+        limited(*reading_limits(given)),
+        claimed_output(output, options, given.track, video, composite) as claim,
+    ):
         report = Report.of(
             load_track(given.track, video),
             video,

@@ -22,8 +22,9 @@ class MatchModel:
     most_keypoints: int = 2000  # of a frame, the strongest
     # Of many pictures, approximate neighbours tell those that may be in a frame (k-d trees; Muja and Lowe, 2009).
     most_likely: int = 6  # that are matched exactly
+    voters: int = 1000  # keypoints of a frame that are asked for it, at most, evenly taken
     trees: int = 4
-    checks: int = 64  # leaves that are looked at for a keypoint
+    checks: int = 16  # leaves that are looked at for a keypoint
     neighbours: int = (
         8  # of a keypoint; it votes for the picture of the nearest, if that is clearly nearer than the last
     )
@@ -84,7 +85,8 @@ class Matcher:
         """The numbers of the pictures that keypoints of a frame, with descriptors (K, 128), may be of."""
         if self._index is None or not len(descriptors):
             return [*range(len(self._pictures))]
-        found, squared = self._index.knnSearch(descriptors, MODEL.neighbours, params={"checks": MODEL.checks})
+        voters = descriptors[:: -(-len(descriptors) // MODEL.voters)].copy()  # in one piece, as FLANN wants them
+        found, squared = self._index.knnSearch(voters, MODEL.neighbours, params={"checks": MODEL.checks})
         clear = squared[:, 0] < MODEL.max_distance_ratio**2 * squared[:, -1]
         votes = np.bincount(self._owners[found[clear, 0]], minlength=len(self._pictures))
         likely = np.argsort(-votes, kind="stable")[: MODEL.most_likely]
@@ -116,11 +118,12 @@ def _matches(descriptors: Floats, picture: Picture) -> tuple[Array, Array]:
     if not len(descriptors):
         return np.empty(0, int), np.empty(0, int)
     likeness = descriptors @ picture.descriptors.T
-    nearest = likeness.argmax(1)
-    best = likeness[np.arange(len(nearest)), nearest]
+    best = likeness.max(1)
     alike = np.flatnonzero(best > MODEL.min_likeness)
-    nearest, best = nearest[alike], best[alike]
-    elsewhere = np.where(picture.same_place[nearest], -1, likeness[alike]).max(1)
+    likeness, best = likeness[alike], best[alike]
+    nearest = likeness.argmax(1)
+    likeness[picture.same_place[nearest]] = -1
+    elsewhere = likeness.max(1)
     good = np.sqrt(np.maximum(1 - best, 0)) < MODEL.max_distance_ratio * np.sqrt(np.maximum(1 - elsewhere, 1e-9))
     return alike[good], nearest[good]
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from ar_demo.cli import entry
 from ar_demo.errors import InputError
 from ar_demo.media.ad import open_ad
 from ar_demo.media.limits import BeyondLimits, limited
@@ -15,6 +16,7 @@ from ar_demo.media.reader import VideoReader
 
 from ..clips import make_clip, numbered
 from ..conftest import Run
+from ..export.tracks import make
 
 QUAD = "10,10 80,10 80,50 10,50"
 PIXELS = 96 * 64
@@ -85,6 +87,19 @@ def test_the_command_line_has_both(run: Run, clip: Path, bomb: Path) -> None:
     status, _, err = run(clip, bomb, "--quad", QUAD, "--max-pixels", "10000")
     assert status == 2
     assert "bomb.png has 8000x8000 pixels" in err
+
+
+def test_ar_find_and_ar_report_have_both(run: Run, clip: Path, tmp_path: Path) -> None:
+    track = make(np.tile(np.array([[10.0, 10], [80, 10], [80, 50], [10, 50]]), (12, 1, 1)), 96, 64)
+    track.save(tmp_path / "t.json")
+    poster = tmp_path / "poster.png"
+    Image.fromarray(np.random.default_rng(1).integers(0, 255, (60, 90, 3), dtype=np.uint8)).save(poster)
+    for options in (["--max-frames", "11"], ["--max-pixels", "6143"]):
+        for main, inputs in ((entry.find_main, (clip, poster)), (entry.report_main, (tmp_path / "t.json", clip))):
+            status, _, err = run(*inputs, *options, main=main)
+            assert (status, err.count("\n")) == (2, 1)
+            assert options[0] in err
+    assert not (tmp_path / "t.html").exists()
 
 
 @pytest.mark.parametrize("text", ["#EXTM3U\n#EXTINF:1,\n{}\n#EXT-X-ENDLIST\n", "ffconcat version 1.0\nfile {}\n"])
