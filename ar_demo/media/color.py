@@ -25,6 +25,7 @@ from .mastering import Mastering
 PADDING_BYTES = 64
 _ACCURATE_RND, _FULL_CHROMA = 0x40000, 0x2000  # SWS_ACCURATE_RND and SWS_FULL_CHR_H_INT, which PyAV 17 does not name
 _TO_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND | _FULL_CHROMA
+_TO_RGB_ROUGHLY = int(Interpolation.BILINEAR)
 _FROM_RGB = int(Interpolation.BILINEAR) | _ACCURATE_RND
 
 # AVColorSpace (H.273 MatrixCoefficients) as tagged on a frame -> our name. Everything else counts as untagged.
@@ -121,12 +122,17 @@ def rotation_of(frame: av.VideoFrame) -> int:
 class ToRGB:
     """Converts decoded frames to upright RGB (or RGBA) arrays; keeps swscale's tables between frames."""
 
-    def __init__(self, form: Literal["rgb24", "rgba", "rgb48"] = "rgb24", tonemap: Hdr | None = None) -> None:
+    def __init__(
+        self, form: Literal["rgb24", "rgba", "rgb48"] = "rgb24", tonemap: Hdr | None = None, rough: bool = False
+    ) -> None:
         """Args:
         form: uint8 with 3 or 4 channels, or uint16 with 3, in full scale and from the source's own depth.
         tonemap: how the frames' samples stand for light, to have them shown in SDR; None takes them as they are.
+        rough: to be looked at by a tracker alone: about one grey level too dark, and with chroma of half the
+            resolution, in a tenth of the time.
         """
         self._form, self._hdr = form, tonemap
+        self._interpolation = _TO_RGB_ROUGHLY if rough else _TO_RGB
         self._reformatter = VideoReformatter()
 
     def __call__(self, frame: av.VideoFrame, rotation: int = 0, size: tuple[int, int] | None = None) -> Picture:
@@ -168,7 +174,7 @@ class ToRGB:
             dst_colorspace=_SWS_NUMBERS.get(matrix_of(frame)) if form.startswith("yuv") else None,
             src_color_range=ColorRange.JPEG if is_full_range(frame) else ColorRange.MPEG,
             dst_color_range=range,
-            interpolation=_TO_RGB,
+            interpolation=self._interpolation,
         )
         return np.ascontiguousarray(converted.to_ndarray())
 

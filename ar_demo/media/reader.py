@@ -243,15 +243,17 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         self._demux()
         return self._index.key_before(index)[0]
 
-    def frames(self, start: int = 0, stop: int | None = None, only: Container[int] | None = None) -> Iterator[Frame]:
+    def frames(
+        self, start: int = 0, stop: int | None = None, only: Container[int] | None = None, rough: bool = False
+    ) -> Iterator[Frame]:
         """Frames start to stop - 1 (to the end for None), or only some of these, by their indices.
 
-        Those between are decoded, and not converted.
+        Those between are decoded, and not converted. Rough ones are for trackers, see `ToRGB`.
 
         Raises:
             IndexDropped: frames were given out under numbers that prove wrong, by this iteration or another.
         """
-        to_rgb = color.ToRGB(self._form, self.info.hdr if self._tonemap else None)
+        to_rgb = self._converter(rough)
         waiting = None  # a frame whose duration is known once the next one is decoded
         for decoded in self._whole_frames(start, None if stop is None else stop + 1):
             if waiting is not None:
@@ -260,7 +262,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         if waiting is not None and (stop is None or waiting.index < stop):
             yield self._finish(waiting, to_rgb)
 
-    def backward(self, stop: int, start: int = 0) -> Iterator[Frame]:
+    def backward(self, stop: int, start: int = 0, rough: bool = False) -> Iterator[Frame]:
         """Frames stop - 1, stop - 2 ... start, the same as reading forward and reversing, in bounded memory.
 
         Raises:
@@ -272,7 +274,7 @@ class VideoReader(AbstractContextManager["VideoReader"]):
             for _ in self._decode(stop + 1):  # one more tells how long the last one lasts
                 pass
         stop = min(stop, len(self._index))
-        to_rgb = color.ToRGB(self._form, self.info.hdr if self._tonemap else None)
+        to_rgb = self._converter(rough)
         bytes_each = self.info.width * self.info.height * 3 // 2  # 8 bit 4:2:0; others take more, but not much
         size = max(1, BACKWARD_BYTES // bytes_each)
         while stop > start:
@@ -337,6 +339,9 @@ class VideoReader(AbstractContextManager["VideoReader"]):
         if message not in self._told:
             self._told.append(message)
             log.warning(message)
+
+    def _converter(self, rough: bool) -> color.ToRGB:
+        return color.ToRGB(self._form, self.info.hdr if self._tonemap else None, rough)
 
     def _finish(self, decoded: _Decoded, to_rgb: color.ToRGB) -> Frame:
         frame = decoded.frame

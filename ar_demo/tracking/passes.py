@@ -172,7 +172,7 @@ class Passes:
         anew[[i for i in track.given if i not in changed]] = False
 
         target = Target(self.make_tracker(), track.quad, start, track.quad, track.keyframes, track=track)
-        target.tracker.init(reference_frame(self.reader, start), track.quad, track.region)
+        target.tracker.init(reference_frame(self.reader, start, rough=True), track.quad, track.region)
         self.cuts = set(track.cuts)
         if forward:
             first, last = forward[0].anchor, max(n - 1 if run.stop is None else run.stop for run in forward)
@@ -186,7 +186,7 @@ class Passes:
 
     def _targets(self, surfaces: Sequence[Surface]) -> list[Target]:
         found, self.first = starts(self.reader, surfaces, self.options, self.stop)
-        seen = {start: reference_frame(self.reader, start) for start in set(found)}
+        seen = {start: reference_frame(self.reader, start, rough=True) for start in set(found)}
         targets = []
         for surface, start in zip(surfaces, found, strict=True):
             quad = surface.quad_in(seen[start])
@@ -294,7 +294,7 @@ class Passes:
             target.runs += r
         followers = [target.follower(r) for target, r in zip(targets, runs, strict=True)]
         show = Stage(self.listen, stage, first if stop is None else 0, self._total(first, stop))
-        with ahead(self.reader.frames(first, stop)) as read:
+        with ahead(self.reader.frames(first, stop, rough=True)) as read:
             frames = read if stop is not None else until(read, self.options.last, self.reader.times[0])
             return (yield from sweep(frames, followers, self.cuts, show))
 
@@ -371,5 +371,5 @@ class Passes:
         followers = [target.follower(r) for target, r in zip(targets, runs, strict=True)]
         show = Stage(self.listen, stage, 0, sum(high + 1 - low for low, high in stretches))
         for low, high in stretches:
-            with ahead(self.reader.backward(high + 1, low)) as frames:
+            with ahead(self.reader.backward(high + 1, low, rough=True)) as frames:
                 yield from sweep(frames, followers, self.cuts, show)

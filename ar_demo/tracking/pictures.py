@@ -45,13 +45,13 @@ def plane_pictures(reader: VideoReader, tracks: Sequence[Track], listen: Listene
     return [builder.build() for builder in builders]
 
 
-def reference_frame(reader: VideoReader, index: int) -> Observation:
-    """One frame, for trackers and pictures to begin with.
+def reference_frame(reader: VideoReader, index: int, rough: bool = False) -> Observation:
+    """One frame, for trackers, which take it rough, and pictures to begin with.
 
     Raises:
         InputError: it cannot be decoded.
     """
-    frame = next(reader.frames(index, index + 1), None)
+    frame = next(reader.frames(index, index + 1, rough=rough), None)
     if frame is None:
         raise InputError(f"frame {index} of {reader.path} cannot be decoded: choose another --start")
     return Observation(frame.image)

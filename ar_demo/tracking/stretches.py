@@ -172,8 +172,8 @@ def follow(stretch: Stretch) -> Followed:
 def _frames(reader: VideoReader, stretch: Stretch) -> Iterator[Frame]:
     """The stretch's frames, the one before it, by which a cut is told, and what comes after it."""
     if not stretch.backward:
-        return reader.frames(max(stretch.first - 1, stretch.low), stretch.high)
-    return reader.backward(min(stretch.stop + 1, stretch.high), stretch.low)
+        return reader.frames(max(stretch.first - 1, stretch.low), stretch.high, rough=True)
+    return reader.backward(min(stretch.stop + 1, stretch.high), stretch.low, rough=True)
 
 
 class _Follower:

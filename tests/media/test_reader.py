@@ -45,6 +45,17 @@ def test_some_frames_of_a_range(tmp_path: Path) -> None:
     assert numbers(list(reader.frames(only=range(1, 20, 6)))) == [1, 7, 13, 19]
 
 
+def test_rough_frames_are_the_same_but_for_some_grey_levels(tmp_path: Path) -> None:
+    chart = clips.color_chart(96, 64)
+    reader = VideoReader(clips.make_clip(tmp_path / "a.mp4", [np.roll(chart, shift, 1) for shift in range(8)]))
+    exact, rough = list(reader.frames(2, 7)), list(reader.frames(2, 7, rough=True))
+    back = list(reader.backward(7, 2, rough=True))[::-1]
+    assert [frame.index for frame in rough] == [frame.index for frame in exact]
+    for a, b, c in zip(exact, rough, back, strict=True):
+        assert 0 < np.abs(a.image.astype(int) - b.image).mean() < 4
+        assert np.array_equal(b.image, c.image)
+
+
 def test_backward_seeks_instead_of_decoding_everything_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clip = clips.make_clip(tmp_path / "b.mp4", clips.numbered(60), gop=10)
     monkeypatch.setattr("ar_demo.media.reader.BACKWARD_BYTES", 10 * 96 * 64 * 3 // 2)
