@@ -138,3 +138,11 @@ def test_what_is_not_known_teaches_nothing(photos: Photos) -> None:
         after = objective.losses(batch)
     for name, value in before.items():
         torch.testing.assert_close(after[name], value)
+
+
+def test_single_precision_where_the_processor_may_not_use_bfloat16(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cpu, "_is_avx512_bf16_supported", lambda: True)
+    monkeypatch.setenv("ONEDNN_MAX_CPU_ISA", "AVX2")
+    assert not MatteObjective(MatteNetwork(), CPU).half
+    monkeypatch.delenv("ONEDNN_MAX_CPU_ISA")
+    assert MatteObjective(MatteNetwork(), CPU).half
