@@ -287,6 +287,8 @@ class Surface:
         if self.effect == "outline" and (self.inset or self.radius):
             raise InputError("inset and radius do nothing with effect outline, which is the quad's own: leave them out")
         if self.track is not None:
+            if not isinstance(self.track, Track):
+                raise InputError(f"track {self.track!r} is not a Track: load it with Track.load")
             for name in ("quad", "snap", "start", "region", "exclude"):
                 if getattr(self, name) is not _DEFAULTS[name]:
                     raise InputError(f"{name} does nothing beside a track, which has its own: leave one of them out")

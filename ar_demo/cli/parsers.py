@@ -308,6 +308,7 @@ def studio_parser() -> Parser:
     )
     add("--port", type=int, metavar="N", help="of the server (default: a free one)")
     add("--no-browser", action="store_true", help="open none; print the address only")
+    _add_limits(add, "videos and ads")
     add("--quiet", action="store_true", help="no log")
     return parser
 

@@ -9,9 +9,11 @@ from pathlib import Path
 from threading import Timer
 
 from ..cli.applicability import flag
+from ..cli.commands import reading_limits
 from ..cli.defaults import load_defaults
 from ..cli.reporting import set_up_logging
 from ..errors import InputError
+from ..media.limits import limited
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +27,8 @@ def studio_command(given: Namespace) -> int:
     set_up_logging("quiet" in given)
     video = Path(given.video) if "video" in given else None
     ad = Path(given.ad) if "ad" in given else None
-    serve(video, ad, getattr(given, "root", None), getattr(given, "port", 0), "no_browser" not in given)
+    with limited(*reading_limits(given)):
+        serve(video, ad, getattr(given, "root", None), getattr(given, "port", 0), "no_browser" not in given)
     return 0
 
 

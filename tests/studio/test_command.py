@@ -57,6 +57,8 @@ def test_wrong_input_is_said_in_one_line(run: Run, folder: Path) -> None:
             ([folder / "gone.mp4"], "does not exist"),
             ([folder / "street.mp4", folder / "gone.png"], "ad's file name"),
             ([folder / "street.mp4", "--root", folder / "gone"], "not a folder"),
+            ([folder / "street.mp4", "--max-frames", 1], "allow more with --max-frames"),
+            ([folder / "street.mp4", "--max-pixels", 100], "allow more with --max-pixels"),
             ([folder / "street.mp4", "--port", taken.getsockname()[1]], "name another with --port"),
             ([folder / "street.mp4", "--port", 99999], "name another with --port"),
         ):
