@@ -63,9 +63,8 @@ class GivenMatte(AbstractContextManager["GivenMatte"]):
         if frame is None:
             return np.ones(self._size[::-1], np.float32)
         grey = frame.image[..., 1] * np.float32(1 / 255)
-        shrinks = grey.shape[1] > self._size[0]
         if grey.shape[::-1] != self._size:
-            how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+            how = cv2.INTER_AREA if grey.shape[1] > self._size[0] else cv2.INTER_LINEAR
             grey = np.asarray(cv2.resize(grey, self._size, interpolation=how), np.float32)
         self._last = index, grey
         return grey

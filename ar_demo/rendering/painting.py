@@ -222,13 +222,14 @@ def grained(layer: Layer, grain: Grain) -> Layer:
         rgba = layer.rgba[rows]
         colour, alpha = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), cv2.extractChannel(rgba, 3)
         noise = grain.on(colour, rows.start)
+        depth = cv2.CV_8U if colour.dtype == np.uint8 else cv2.CV_32F
         if alpha.min() < peak(alpha.dtype):
             each = cv2.cvtColor(alpha, cv2.COLOR_GRAY2RGB)
             noise = cv2.multiply(noise, each, scale=1 / peak(alpha.dtype), dtype=cv2.CV_32F)
-            cv2.add(colour, noise, dst=colour, dtype=cv2.CV_8U if colour.dtype == np.uint8 else cv2.CV_32F)
+            cv2.add(colour, noise, dst=colour, dtype=depth)
             cv2.min(cv2.max(colour, 0.0, dst=colour), each, dst=colour)
         else:
-            cv2.add(colour, noise, dst=colour, dtype=cv2.CV_8U if colour.dtype == np.uint8 else cv2.CV_32F)
+            cv2.add(colour, noise, dst=colour, dtype=depth)
             if colour.dtype != np.uint8:
                 np.clip(colour, 0, 1, out=colour)
         cv2.mixChannels([colour, alpha], [out[rows]], [0, 0, 1, 1, 2, 2, 3, 3])

@@ -239,8 +239,7 @@ class Appearance:
         if matte is None and self._rests(part, view, deviation):
             return self._as_before(frame, pose, motion)
         pose, view, inside = self._aligned(part, pose, view, inside)
-        crop_to_frame = from_corners(self._outline, pose)
-        scale = derivative(crop_to_frame, np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
+        scale = self._scale(pose)
         slack = min(deviation, MODEL.unknown_deviation_px) / np.sqrt(max(abs(np.linalg.det(scale)), 1e-6))
         seen = (self._seen(frame, pose) if matte is None else self._seen_by(matte, pose)) * inside
         if self.is_blank and matte is None:
@@ -270,9 +269,8 @@ class Appearance:
         is_clear = matte is None and part.whole and not hidden.any()
         self._compared = _Compared(view, light, blur) if is_clear else None
         self._count, self._rested = self._count + 1, 0
-        if self._softness is not None:  # want of focus that both tell counts once
-            more = self._softness.see(frame, pose) - float(np.linalg.eigvalsh(blur_in_frame).min())
-            blur_in_frame = blur_in_frame + max(more, 0.0) * np.eye(2)
+        if self._softness is not None:
+            blur_in_frame = _at_least(self._softness.see(frame, pose), blur_in_frame)
         return Conditions(self._exposed(light), occluder, blur_in_frame, way, grain)
 
     def _rests(self, part: "_Box", view: Floats, deviation: float) -> bool:
@@ -287,14 +285,18 @@ class Appearance:
         last = self._compared
         assert last is not None
         self._rested += 1
-        scale = derivative(from_corners(self._outline, pose), np.array([(self._width - 1) / 2, (self._height - 1) / 2]))
+        scale = self._scale(pose)
         blur_in_frame = scale @ _worth(last.blur) @ scale.T
         if self._softness is not None:
-            more = self._softness.variance - float(np.linalg.eigvalsh(blur_in_frame).min())
-            blur_in_frame = blur_in_frame + max(more, 0.0) * np.eye(2)
+            blur_in_frame = _at_least(self._softness.variance, blur_in_frame)
         way = self._shutter.share * motion if np.isfinite(motion).all() else STILL
         grain = self._grain.passed(frame, pose) if self._grain is not None else None
         return Conditions(self._exposed(last.light), None, blur_in_frame, way, grain)
+
+    def _scale(self, pose: Array) -> Array:
+        """(2, 2) px of the frame for px of the crop, in its middle."""
+        middle = np.array([(self._width - 1) / 2, (self._height - 1) / 2])
+        return derivative(from_corners(self._outline, pose), middle)
 
     def _rectify(self, part: "_Box", pose: Array) -> tuple[Floats, Grey]:
         """The surface (h, w, 3) in a part of a frame, and which of it lies in the frame (h, w), 0 or 1."""
@@ -432,6 +434,12 @@ class Appearance:
         mine = np.ones((self._height, self._width), np.float32)
         mine = cv2.warpPerspective(mine, crop_to_part, (width, height))[..., None]
         return seen + mine * (surface - seen), mine
+
+
+def _at_least(variance: float, blur: Array) -> Array:
+    """A blur (2, 2), px^2, of no less than a variance any way: want of focus that both tell counts once."""
+    more = variance - float(np.linalg.eigvalsh(blur).min())
+    return blur + max(more, 0.0) * np.eye(2)
 
 
 class _Box:
